@@ -56,9 +56,7 @@ def plan(
         try:
             found, doubts = _first_look(scenario, required.particles)
         except NotKept:
-            missing = (
-                "not looked for, as kernels would be compiled for it: psim stability does, and so does a run"
-            )
+            missing = "not computed, as that would compile kernels: psim stability does so, and so does a run"
             doubts = _seen_at_once(scenario)
     grid = scenario.grid
     told = [*doubts, *advice(scenario), *sliding(scenario), *long_sums(scenario)]

@@ -45,7 +45,9 @@ Method = Annotated[
     str | None,
     typer.Option("--method", metavar="NAME", help="How they are drawn: sobol (the default), lhs or random."),
 ]
-Seed = Annotated[int | None, typer.Option("--seed", metavar="N", help="Seed of what is drawn; 0 by default.")]
+Seed = Annotated[
+    int | None, typer.Option("--seed", metavar="N", help="Seed of the drawn values; 0 by default.")
+]
 Quantities = Annotated[
     list[str] | None,
     typer.Option(

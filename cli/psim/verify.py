@@ -99,5 +99,5 @@ def _cells(row: Convergence) -> tuple[str, ...]:
     method = f"{row.method}, {row.expected}"
     verdict = _WORDS[row.verdict]
     if row.verdict == "ok" and row.order is not None and row.order > row.expected + 0.5:
-        verdict = "above its method; a longer step would tell"
+        verdict = "above its method; a longer step may show its own"
     return row.group, row.field, coarse, fine, order, method, error, verdict

@@ -295,7 +295,7 @@ def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _notes(a: Trajectory, b: Trajectory, compared: int, precision: Precision) -> tuple[str, ...]:
-    """What was not compared, and what else is not the same."""
+    """Fields that were not compared, and other differences."""
     notes = []
     for left, right in ((a, b), (b, a)):
         if only := [name for name in left.fields if name not in right.fields]:

@@ -17,8 +17,8 @@ from particlesim.model.vectors import Vector3
 
 
 class Frame(NamedTuple):
-    """What a body is, whatever its shape: volume [m³], centre of mass in the frame of the shape [m], J along the principal
-    axes [m⁵], and these as columns of a rotation in that frame."""
+    """The mass properties of a body of any shape: volume [m³], centre of mass in the frame of the shape [m], J along the
+    principal axes [m⁵], and these as columns of a rotation in that frame."""
 
     volume: float
     center: Floats

@@ -65,8 +65,8 @@ class ConePart(Placed, ConeBody):
 
 
 class MeshPart(Placed, MeshBody):
-    """What the triangles of a file (OBJ, PLY or STL) enclose; what touches is its convex hull, or those of its parts, if it
-    has several closed surfaces."""
+    """The volume that the triangles of a file (OBJ, PLY or STL) enclose. It touches as its convex hull, or as those of its
+    parts, if it has several closed surfaces."""
 
 
 AnyPart = Annotated[

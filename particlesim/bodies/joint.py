@@ -21,7 +21,7 @@ from particlesim.model.vectors import Vector3, norm
 
 
 class Joint(Model):
-    """What holds two bodies together at a place."""
+    """A joint of two bodies at one point."""
 
     type: str
     name: Name = "joints"
@@ -119,12 +119,12 @@ class BallJoint(Joint):
 
 
 class Motor(Model):
-    """What turns a hinge."""
+    """A motor that turns a hinge."""
 
     speed: RadiansPerSecond
     """Speed that it is to reach: of the first body against the second about the axis, right-handed."""
     torque: Annotated[NewtonMetres, Gt(0)]
-    """Greatest torque with which it turns, and with which it brakes what turns faster."""
+    """Largest torque with which it drives the hinge, or brakes it when it turns faster."""
 
 
 class HingeJoint(Joint):

@@ -1,8 +1,8 @@
 """Bodies whose surface is the triangles of a file.
 
-Mass, centre and moments of inertia are those of what the triangles enclose; what touches is the convex hull of each closed
-surface in the file. So a shape with dents may be cut into convex parts by another program, and is one file still. Where
-convex parts overlap, what is there counts once.
+Mass, centre and moments of inertia are those of the volume that the triangles enclose; contact is with the convex hull of
+each closed surface in the file. So a shape with dents may be cut into convex parts by another program, and still be one
+file. Where convex parts overlap, their common volume counts once.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from particlesim.model.arrays import Floats, Ints
 from particlesim.model.units import Number
 
 FILLED = 0.95
-"""Part of its hull that a mesh fills at least, or it is told that the hull is what touches."""
+"""Part of its hull that a mesh fills at least; below that psim says that it touches as its hull."""
 MOST_CORNERS = 4096
 """Corners of a hull at most."""
 MOST_PARTS = 256
@@ -34,13 +34,13 @@ MOST_PARTS = 256
 CONVEX = 0.999
 """Part of its hulls that a mesh without dents fills at least."""
 SHARED = 1e-3
-"""Part of the volume that parts share which is told."""
+"""Part of the volume that is common to several parts from which psim warns of that."""
 NO_SIZE = (0.0, 0.0, 0.0)
 
 
 class MeshBody(FromFile, BodyShape):
-    """What the triangles of a file (OBJ, PLY or STL) enclose; what touches is its convex hull, or those of its parts, if it
-    has several closed surfaces."""
+    """The volume that the triangles of a file (OBJ, PLY or STL) enclose. It touches as its convex hull, or as those of its
+    parts, if it has several closed surfaces."""
 
     kind: ClassVar[str] = "mesh"
     endings: ClassVar[tuple[str, ...]] = (".obj", ".ply", ".stl")

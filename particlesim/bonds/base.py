@@ -14,7 +14,7 @@ from particlesim.model.arrays import Floats, Ints
 SPRING_BYTES = 32
 """Memory of a spring: both ends, rest length, and a share of what it takes to find runs of them."""
 ROSTER_BYTES = 40
-"""What is kept of a spring beside that where its ends may die: which one it is, ids of its ends, rest length, end."""
+"""What is kept of a spring in addition where its ends may die: its number, ids of its ends, rest length, time of its end."""
 STORED_BYTES = 10
 """A spring or a rod in a trajectory: both ends and rest length, compressed, and its share of a surface."""
 

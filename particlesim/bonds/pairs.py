@@ -1,4 +1,4 @@
-"""What lists of joined particles have in common, whatever joins them."""
+"""The base of lists of joined particles, for springs and rods."""
 
 from __future__ import annotations
 

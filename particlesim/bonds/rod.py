@@ -2,8 +2,8 @@
 
     |x₁ − x₂| = L,   hence (x₁ − x₂)·(v₁ − v₂) = 0
 
-The rod pulls or pushes along itself with whatever it takes, f on 1 = λ (x₁ − x₂), f on 2 = −f on 1, and does no work but on
-ends that are led. The engine solves for all λ of connected rods at once, after every drift (`shake_rattle`).
+The rod pulls or pushes along itself with the force that this needs, f on 1 = λ (x₁ − x₂), f on 2 = −f on 1, and does no work
+but on ends that are led. The engine solves for all λ of connected rods at once, after every drift (`shake_rattle`).
 """
 
 from __future__ import annotations

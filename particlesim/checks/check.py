@@ -27,7 +27,7 @@ class Initial(NamedTuple):
 
 
 INITIAL: dict[str, Node] = {f"{name}0": Initial(name) for name in ("x", "y", "z", "vx", "vy", "vz")}
-"""Variables of oracles beside those of every expression."""
+"""Variables of closed forms in checks, in addition to those of every expression."""
 
 
 class Check(Model):

@@ -1,6 +1,6 @@
-"""A compiler of our own scale for our own kernels: scalar Python to machine code, through LLVM.
+"""A small compiler for psim's kernels: scalar Python to machine code, through LLVM.
 
-`docs/compiler.md` teaches it. Kernels are ordinary functions: `k.python` is one that runs uncompiled.
+`docs/compiler.md` explains it. Kernels are ordinary functions: `k.python` is one that runs uncompiled.
 """
 
 from particlesim.compiler.intrinsics import (

@@ -1,8 +1,8 @@
-"""Where threads that step one island wait for each other, inside compiled code.
+"""Barriers at which the threads of one island wait for each other, inside compiled code.
 
 A barrier is two counters, arrivals and generation, on cache lines of their own. The last thread to arrive opens the next
-generation; the others spin for a while, which costs a fraction of a microsecond when each has a core, and then give up
-their core at every look, so that more threads than cores still get on.
+generation; the others spin for a while, which costs a fraction of a microsecond when each has a core, and then yield their
+core after every test, so that more threads than cores make progress, too.
 """
 
 from __future__ import annotations

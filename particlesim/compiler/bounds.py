@@ -1,7 +1,8 @@
-"""`PSIM_KERNELS=checked`: kernels look at every index before they use it, and end the process at one outside of its array.
+"""`PSIM_KERNELS=checked`: kernels check every index before they use it, and one that is outside of its array ends the
+process.
 
-The process ends there and then, as threads that went on would wait for each other for ever, and an index that is wrong
-spoils memory. Checked kernels are slow and are not kept on disk.
+It ends at once, as a wrong index would corrupt memory, and other threads would wait for the one that stopped for ever.
+Checked kernels are slow and are not kept on disk.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Calls: by a rule of the compiler, as a function of its own, or with the instructions written in place."""
+"""Calls: by a rule of the compiler, to a separate function, or inlined."""
 
 from __future__ import annotations
 

@@ -1,14 +1,14 @@
 """Elementary functions in the kernels' own language: the same bits on every machine, and free of branches.
 
-Only operations that IEEE 754 rounds in one way occur, in a fixed order, with fma where it is written; a choice takes one
-of two numbers that both exist, so a loop over particles becomes vectors. Special values are those of C (annex F); what the
-sign of a NaN is, IEEE 754 leaves to the machine. The errors stated are bounds that `tests/compiler/test_elementary.py` and,
-with more points, `tests/bench/accuracy_elementary.py` check, in units of the last place (ulp): half of one nobody avoids.
+They use only operations whose rounding IEEE 754 defines, in a fixed order, with fma where it is written; selects take one of
+two computed numbers, so a loop over particles vectorises. Special values are those of C (annex F); the sign of a NaN is left
+to the machine by IEEE 754. The errors stated are bounds that `tests/compiler/test_elementary.py` and, with more points,
+`tests/bench/accuracy_elementary.py` check, in units of the last place (ulp); half a ulp is the least possible.
 
 Sources: Cody and Waite, Software Manual for the Elementary Functions (1980), for the reduction of arguments; Muller,
 Elementary Functions: Algorithms and Implementation, for polynomials and the care of errors; Dekker (1971) and Knuth, The
-Art of Computer Programming, volume 2, for sums and products with their rounding errors. The way is the same throughout:
-a result is a large part and a small one, a *pair*, and only their last sum is rounded. The polynomials are our own.
+Art of Computer Programming, volume 2, for sums and products with their rounding errors. All use the same technique: a result
+is the sum of a large and a small number, a *pair*, and only that last sum is rounded. The polynomials are our own.
 """
 
 from __future__ import annotations

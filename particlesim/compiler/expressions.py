@@ -1,4 +1,4 @@
-"""Expressions: what is known is computed, what is not becomes instructions."""
+"""Expressions: values known while compiling are computed, all others become instructions."""
 
 from __future__ import annotations
 

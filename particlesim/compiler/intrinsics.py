@@ -1,7 +1,7 @@
-"""What the compiler turns into single instructions, as ordinary functions: the same bits without a compiler.
+"""Functions that the compiler turns into single instructions; uncompiled they give the same bits.
 
-Those of numbers are operations of IEEE 754, exact or rounded once, so they mean the same on every machine. Here they are
-functions of the C library, since Python's own raise errors where IEEE 754 gives infinity or NaN.
+Functions of numbers are operations of IEEE 754, exact or rounded once, so they give the same on every machine. Uncompiled
+they call the C library, since Python's own raise errors where IEEE 754 gives infinity or NaN.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def transpose(
 
 
 def atomic_add(array: NDArray[np.int64], index: int, value: int) -> int:
-    """Add to an element of an int64 array as one indivisible act; returns what was there."""
+    """Add to an element of an int64 array atomically; returns its earlier value."""
     before = int(array[index])
     array[index] += value
     return before

@@ -1,4 +1,5 @@
-"""`@kernel`: what Python calls. Compiled when it is first called with arguments of a new structure, kept on disk."""
+"""`@kernel`: functions that Python calls. They are compiled at the first call with arguments of a new structure, and kept on
+disk."""
 
 from __future__ import annotations
 
@@ -370,8 +371,8 @@ def _shared(text: str) -> tuple[Any, bytes]:
 def kernel(function: Callable[..., Any]) -> Any:
     """Decorator: compile a function for the hot path. It releases the GIL and is kept on disk.
 
-    It takes numbers, arrays, None, functions and (named) tuples of them, and returns numbers. It cannot make arrays:
-    whoever calls it brings room.
+    It takes numbers, arrays, None, functions and (named) tuples of them, and returns numbers. It cannot allocate arrays: the
+    caller passes scratch.
     """
     return Kernel(function)
 
@@ -394,13 +395,13 @@ _much = ContextVar("much", default=False)
 
 
 class NotKept(Exception):
-    """Much work for a kernel that is not on disk, where nothing is to be compiled."""
+    """A kernel that is not on disk is called where nothing is compiled, and would be too slow in plain Python."""
 
 
 @contextmanager
 def uncompiled() -> Iterator[None]:
-    """In this thread, kernels that are not kept on disk run as plain Python, as nobody waits for a compiler. Where there is
-    `much` to do they raise NotKept."""
+    """In this thread nothing is compiled: kernels that are not kept on disk run as plain Python, or raise NotKept within
+    `much(True)`."""
     before = _compiling.set(False)
     try:
         yield
@@ -410,7 +411,7 @@ def uncompiled() -> Iterator[None]:
 
 @contextmanager
 def quickly(really: bool = True) -> Iterator[None]:
-    """In this process, and if it is so, kernels compile in an eighth of the time and run slower: for many short runs."""
+    """In this process, if `really`, kernels compile in an eighth of the time and run slower: for many short runs."""
     global _quick
     before, _quick = _quick, really or _quick
     try:
@@ -421,7 +422,7 @@ def quickly(really: bool = True) -> Iterator[None]:
 
 @contextmanager
 def much(really: bool) -> Iterator[None]:
-    """In this thread, there is too much to do for plain Python, if it is so."""
+    """In this thread, if `really`, the work is too much for plain Python: see `uncompiled`."""
     before = _much.set(really or _much.get())
     try:
         yield

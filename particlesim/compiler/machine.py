@@ -12,7 +12,7 @@ import llvmlite.binding as llvm
 _LOCK = threading.Lock()
 
 _OPTIONS = ("-vectorize-memory-check-threshold=1000",)
-"""What LLVM is told once. A loop over the columns of particles compares the places of all arrays before it goes on in
+"""Options of LLVM, set once. A loop over the columns of particles compares the addresses of all arrays before it goes on in
 vectors; with more than 128 comparisons LLVM would rather not, and the loop takes five times as long."""
 
 
@@ -28,7 +28,7 @@ def processor() -> tuple[str, str]:
 
 
 def identity(quick: bool = False) -> str:
-    """What machine code depends on beside its source: LLVM, its binding, the processor, and how far it is optimised."""
+    """What machine code depends on other than its source: LLVM, its binding, the processor, and how far it is optimised."""
     return " ".join(
         [
             "quick" if quick else "full",

@@ -1,4 +1,4 @@
-"""Names of a function that is walked, and what they hold."""
+"""The variables of a function that is compiled, and their values."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Polynomials, and the reciprocal square root by products alone, with the same bits on every machine.
 
 Processors have one slow unit for square roots and divisions, and several for products. A loop that keeps the first busy can
-take some of its roots by products meanwhile. Instructions that estimate the root give other bits on other processors; here
-the first guess comes from the bits of the number instead: half of its exponent, with its sign turned.
+compute some of its roots by products meanwhile. Instructions that estimate the root give other bits on other processors;
+here the first guess comes from the bits of the number instead: half of its exponent, with the opposite sign.
 """
 
 from __future__ import annotations

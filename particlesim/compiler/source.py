@@ -1,7 +1,7 @@
-"""The syntax trees of functions, and which of their variables are always one value.
+"""The syntax trees of functions, and which of their variables need no memory.
 
-A variable is *plain* when each of its uses can only see one assignment, the one before it: then the walker binds the
-name to the value. Others, such as sums in a loop, are places in memory that LLVM turns into registers.
+A variable is *plain* if only one assignment can reach each of its uses, the one before it: then the walker binds the name to
+the value. Others, such as sums in a loop, are memory on the stack, which LLVM turns into registers.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Machine code kept on disk: one file for each kernel and structure of its arguments.
 
-The name of a file is a digest of the kernel's name, its arguments, LLVM, and the processor. Inside is what else went in: the
-digests of the modules whose functions it holds, and the numbers that they took from their modules. All of it is compared
-before the code is used, so an edit compiles anew what it concerns and nothing else. Shared functions, which many kernels
-call, have files of their own, named by all that LLVM was given to compile.
+The name of a file is a digest of the kernel's name, its arguments, LLVM, and the processor. The file also has the digests of
+the modules of all compiled functions, and the constants that were read from modules. All of these are compared before the
+code is used, so an edit recompiles only the kernels that depend on it. Shared functions, which many kernels call, have files
+of their own, named by a digest of their LLVM code.
 
-Machine code is trusted as programs are: the folder and its files belong to the user and nobody else may write there, or
-they are not used. Nothing is unpickled.
+Machine code is run without further checks: so the folder and its files are used only if they belong to the user and nobody
+else may write there. Nothing is unpickled.
 """
 
 from __future__ import annotations

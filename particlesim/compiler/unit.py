@@ -1,4 +1,4 @@
-"""What is compiled together, and what can go wrong with it."""
+"""A unit of compilation: one kernel with the functions that it calls, and its errors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 class Again(Exception):
-    """What was found while walking changes what was written before: the walk begins anew, with it in `Unit.learned`."""
+    """Something found while walking changes instructions written before: the walk begins anew, with it in `Unit.learned`."""
 
 
 class CompileError(Exception):

@@ -1,12 +1,12 @@
-"""What the walker works on: numbers that only the machine will know, arrays, and everything that Python knows already.
+"""The values of the walker: numbers and arrays that are known at run time only, and Python objects known while compiling.
 
 A value is one of
 - a `Number`: an LLVM register with its kind,
 - an `Array`: a pointer with lengths and strides, each a `Number` or known,
 - any Python object: a number, None, a type, a function, or a tuple of values (a NamedTuple keeps its class).
 
-A value is taken apart into a *form*, all that is known about it, and the registers that it holds. Two values of one form
-can take each other's place: in a variable, as arguments and results of a function.
+A value consists of a *form*, all that is known about it while compiling, and its registers. Two values of one form are
+interchangeable: in a variable, as arguments and results of a function.
 """
 
 from __future__ import annotations

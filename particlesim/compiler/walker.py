@@ -1,8 +1,8 @@
 """Walks the syntax tree of a function and writes its instructions.
 
-What is known while walking is decided in Python: tuples and their parts, None, types, functions, dictionaries, numbers of
-the source. An `if` whose test is known walks one branch only, a loop over a tuple is walked once for each part. What is not
-known becomes instructions. Calls of Python functions are walked in place, unless they are marked `@outlined`.
+Values known while compiling are computed in Python: tuples and their parts, None, types, functions, dictionaries, numbers in
+the source. Of an `if` whose test is known only one branch is walked, a loop over a tuple is unrolled. All else becomes
+instructions. Calls of Python functions are inlined, unless they are marked `@outlined`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Writes the text of LLVM functions: blocks, instructions, places in memory, and the arithmetic of numbers.
+"""Writes the text of LLVM functions: blocks, instructions, stack variables, and the arithmetic of numbers.
 
 Numbers follow NumPy: literals are float64 and int64, a float32 with an integer is a float64, `/` makes floats, `//` and `%`
 round down. Integers do not overflow: there is no check.

@@ -55,7 +55,7 @@ class OnImpact(Model):
 
 
 class Die(Model):
-    """What ends a particle, beside its lifetime and planes that kill."""
+    """Conditions at which a particle dies, in addition to its lifetime and planes that kill."""
 
     temperature_below: Annotated[Kelvin, Gt(0)] | None = None
     """Temperature below which a cooling particle dies."""
@@ -104,7 +104,7 @@ class Emitter(Group):
     die: Die | None = None
     """What else ends a particle."""
     limit: Annotated[int, Field(ge=1, le=10**9, strict=True)] | None = None
-    """Slots for particles, used in turn: never more are alive at once. No limit unless given."""
+    """Largest number of particles that are alive at once. No limit unless given."""
     when_full: Literal["recycle", "wait"] = "recycle"
     """Recycle: a birth takes the oldest slot and ends the particle that is still in it. Wait: births wait until fewer
     particles than the limit are alive."""
@@ -147,7 +147,7 @@ class Emitter(Group):
         return self
 
     def _hears(self) -> None:
-        """Refuse what has no meaning where impacts give birth."""
+        """Refuse keys that have no meaning for births at impacts."""
         here = ((("on_impact",), "impacts give birth"),)
         for name in ("rate", "shape", "stop"):
             if getattr(self, name) is not None:

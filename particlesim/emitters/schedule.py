@@ -12,7 +12,8 @@ from particlesim.sampling.random_streams import Streams
 
 
 class Schedule:
-    """Birth times of an emitter in order; number k has the same time however often and in whatever pieces one asks.
+    """Birth times of an emitter in order; number k has the same time however often and in whatever intervals births are
+    asked for.
 
     Birth j of the rate is due at start + j/rate, or with jitter at start + (j + u_j)/rate; all births of a burst at its
     time, before births of the rate at the same time.

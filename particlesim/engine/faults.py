@@ -26,7 +26,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Unsolved:
-    """Equations of a step that were not solved: the method, what was left of the residual, Newton and linear iterations."""
+    """Equations of a step that were not solved: the method, the relative residual, Newton and linear iterations."""
 
     method: str
     residual: float

@@ -1,19 +1,19 @@
-"""Energy from nothing: what an island has gained beyond all work, beside the energy that it has.
+"""Energy from nothing: what an island has gained beyond all work done on it, relative to the energies that it has.
 
-With E the kinetic energy K and all potentials U_f, ⁰ the beginning, and W the work that has been booked since (none where
-none is booked, as then nothing but losses can have been done), the gain is
+With E the sum of the kinetic energy K and all potentials, ⁰ for values at the beginning, and W the work in the ledger since
+then (0 where no work is in it, as then forces without a potential can only take energy), the gain is
 
     E − E⁰ − W,
 
-and it is held against
+and it is compared with
 
     max(|K⁰ + Σ U_f⁰|, K⁰ + Σ (U_f⁰ − U_f), min(K⁰, K)) + Σ (max U_g − min U_g) + Σ |W_c|,
 
-over potentials U_f that have a zero of their own (springs, attraction) and U_g that have none and count by what has been
-exchanged so far (gravity), and causes c of work, of which W_c is what they have turned over: a wall that gives energy and
-dampers that take it count with both. The second of the three is the kinetic energy that is due at the present
-depth: large where a comet passes the sun, and where an error of it means little. So it does not matter where heights are
-measured from.
+over potentials U_f that have a natural zero (springs, attraction), potentials U_g that have none and count by their range so
+far (uniform gravity), and causes c of work, of which W_c is what they have turned over: a wall that gives energy and dampers
+that take it count with both. The second of the three is the kinetic energy expected at the present potential energy: it is
+large where a comet passes the sun, where the same error matters little. As only the range of U_g counts, it does not matter
+where heights are measured from.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Account:
         self._first, self._last = -1, -1
 
     def forget(self) -> None:
-        """Take what comes next as a new beginning."""
+        """Start anew from the next energies."""
         self._first = -1
 
     @property

@@ -1,4 +1,4 @@
-"""The guard: whether islands are still in their senses, looked at where the state is looked at anyway."""
+"""The guard: checks at frames that islands gain no energy from nothing and that no particle outruns light."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ they do in the first step of a contact, which may be a twentieth of it, is known
 MUCH_FASTER = 1000.0
 """Times that speeds beyond that of light must have grown since the last frame."""
 SELDOM = 256
-"""Steps between two looks at energies that nobody else asks for: what they cost is lost in that of so many steps."""
+"""Steps between two checks of energies without a ledger: their cost is small compared with that of so many steps."""
 LIGHT = 299_792_458.0
 """Speed of light [m/s]."""
 
 
 class Guard:
-    """Looks at every frame whether islands are still in their senses.
+    """Checks at every frame that islands gain no energy from nothing, and that particles do not outrun light.
 
-    An island whose work is booked, or that nothing feeds (no emission, wind, motion, belt, or field without a potential
-    that stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`), nor half of it where
-    dampers begin abruptly. The swing of a symplectic method (`engine.shadow`) is no gain while its step is stable and the
-    run goes on; at the end it is, since nothing is left that would take it back. Islands that start inside of a collider
+    An island whose work is in the ledger, or that nothing feeds (no emission, wind, motion, belt, or field without a
+    potential that stands still), must not gain more than a tenth of its energy from nothing (`engine.gain`), or half of it
+    where dampers begin abruptly. The swing of a symplectic method (`engine.shadow`) is no gain while its step is stable and
+    the run goes on; at the end it is, since nothing is left that would take it back. Islands that start inside of a collider
     begin after a step, which puts them on it; others begin anew after a kick. Without a ledger, energies are taken at the
     start, at frames at least 256 steps apart, and at the end. All islands are watched for speeds beyond that of light that
     have grown a thousandfold since the last frame: energy may come from a potential without a bottom.
@@ -93,7 +93,7 @@ class Guard:
             account.forget()
 
     def wants(self, world: World) -> list[int]:
-        """Islands whose energies are to be looked at now, though nobody else asks for them."""
+        """Islands whose energies are due for a check now, where there is no ledger."""
         if world.step < world.grid.steps and world.step - self._looked < SELDOM:
             return []
         return [number for number, judged in enumerate(self._judged) if judged]
@@ -173,7 +173,7 @@ class Guard:
 
 
 def _too_long(world: World, number: int) -> str:
-    """What to do about the energy of an island that swings."""
+    """A hint for an island whose energy oscillates too much."""
     method = world.graph.islands[number].method
     other = ", or velocity_verlet" if method.order < 2 else ""
     return (

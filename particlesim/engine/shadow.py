@@ -1,13 +1,13 @@
-"""What a leapfrog keeps instead of the energy: the energy of a system nearby, in which its own swing is left out.
+"""The shadow energy, which a leapfrog conserves: the energy without its oscillation within steps.
 
-Symplectic methods do not gain energy on linear forces: what they take they give back. Exactly kept, step after step, are
+Under linear forces the energy error of symplectic methods oscillates and does not grow. Exactly conserved are
 
     E + ½ h Σ v·f          with symplectic Euler,
     E − ⅛ h² Σ f²/m        with velocity Verlet and Störmer–Verlet,
 
-where E is the energy, as long as the step is stable: beyond that they are kept too, and say nothing. Störmer–Verlet keeps
-the second with the velocities of velocity Verlet: those between two places, and half a kick. Forces that keep rods do no
-work, so that the first holds for rods as well.
+where E is the energy. They bound the motion as long as the step is stable; beyond that they are conserved, too, but bound
+nothing. Störmer–Verlet conserves the second with the velocities of velocity Verlet: those between two positions, and half a
+kick. Forces of rods do no work, so that the first holds with rods as well.
 
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, chapter IX.
 """
@@ -32,7 +32,7 @@ def swings(structure: Island) -> bool:
 
 
 def swing(island: BaseIsland, structure: Island, time: float, h: float) -> float:
-    """What the energy of an island is at present beyond what its method keeps [J]; `h` is the step [s]."""
+    """The energy of an island less the one that its method conserves [J]; `h` is the step [s]."""
     with np.errstate(over="ignore", invalid="ignore"):
         f = island.forces(time).astype(float)
         total, first = 0.0, 0
@@ -50,7 +50,7 @@ def swing(island: BaseIsland, structure: Island, time: float, h: float) -> float
 
 
 def _of_places(state: GroupState, f: Floats, h: float) -> float:
-    """The kinetic energy with the velocities that are told beyond that with those of velocity Verlet [J]."""
+    """The kinetic energy with the velocities of the state less that with those of velocity Verlet [J]."""
     n = state.count
     *between, known = (column[:n].astype(float) for column in state.memory)
     m, v = state.mass[:n].astype(float), state.v[:, :n].astype(float)

@@ -189,7 +189,7 @@ class Simulation(World):
     def ledger(self) -> dict[str, float]:
         """Kinetic and potential energies [J], momentum [kg m/s] and angular momentum [kg m²/s] about the origin.
 
-        With `work` under [output] also the work of every cause, and what is left of the balance [J].
+        With `work` under [output] also the work of every cause, and the residual of the balance [J].
 
         Particles without inertia have potential energy only.
         """
@@ -224,7 +224,7 @@ class Simulation(World):
         return (2 * (row["kinetic"] - drift) + virial) / (3 * volume)
 
     def _balance(self, total: dict[str, float]) -> None:
-        """Add the work that has been done and what is left of the balance [J]."""
+        """Add the work that has been done and the residual of the balance [J]."""
         for island in self.islands:
             if island.books is not None:
                 for name, joule in zip(island.books.names, island.books.totals, strict=True):
@@ -277,7 +277,7 @@ class Simulation(World):
         self._guard.look(self, known)
 
     def warnings(self) -> tuple[str, ...]:
-        """What to tell of the steps so far, though they made sense."""
+        """Notes about the steps so far, although they are valid."""
         return self._guard.warnings(self)
 
     def overflow(self, quantity: str) -> DivergenceError:

@@ -1,7 +1,7 @@
 """The state of a simulation as named arrays and numbers, and back again.
 
-Whatever a simulation, its islands and its groups hold is state unless it is listed here as following from the scenario,
-so that a new array or counter is stored without anybody thinking of it; what cannot be stored is an error, not a gap.
+All attributes of a simulation, its islands and its groups are state unless `FOLLOWS` lists them as following from the
+scenario, so that a new array or counter is stored without further code; an attribute that cannot be stored is an error.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
 HIDDEN = (".shear", ".bend")
-"""Springs that bodies have beside their edges; as lines they would hide the rest."""
+"""Springs of soft bodies other than their edges; as lines they would hide the rest."""
 
 
 def topology(scenario: Scenario, islands: Sequence[Any], states: Sequence[GroupState]) -> list[Topology]:

@@ -1,6 +1,6 @@
 """A world: a scenario, its graph, its islands, the states of its groups, and the time they have reached.
 
-Whatever looks at particles without moving them, as stability and diagnosis do, looks at a `World`; `engine/simulation.py`
+Modules that read particles without moving them, such as stability and diagnosis, take a `World`; `engine/simulation.py`
 advances one.
 """
 

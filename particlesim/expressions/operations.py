@@ -124,7 +124,7 @@ VARIABLES: dict[str, Node] = {
     "T": Temperature(),
     "q": Charge(),
 }
-"""What an expression may name beside its constants."""
+"""The variables that an expression may name."""
 
 
 class Unary(NamedTuple):

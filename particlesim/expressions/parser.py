@@ -124,7 +124,7 @@ _Chain = list[tuple[type[ast.operator], ast.expr]]
 
 
 class _Builder:
-    """Turns Python's tree into records, and refuses whatever is not on the list."""
+    """Turns Python's syntax tree into records, and refuses all operations that are not listed."""
 
     def __init__(
         self, text: str, indent: int, constants: Mapping[str, float], variables: Mapping[str, Node]
@@ -319,7 +319,7 @@ def reads(node: Node, variable: type) -> bool:
 
 
 def attributes_read(nodes: Iterable[Node]) -> frozenset[str]:
-    """Attributes of particles that expressions read beside the mass, by name."""
+    """Attributes of particles that expressions read in addition to the mass, by name."""
     symbols = {each.symbol: name for name, each in ATTRIBUTES.items() if name != "mass"}
     return frozenset(
         name

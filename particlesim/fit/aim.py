@@ -50,7 +50,7 @@ def aim(
     """Directions in which the one particle of `group` hits the point `target` [m], with the speed that it has.
 
     Elevation is counted from the horizontal, which lies across gravity (across y without gravity), azimuth from the
-    direction to the target. Of a direction that passes the target several times, the first one is told. Raises UsageError
+    direction to the target. Of a direction that passes the target several times, the first time counts. Raises UsageError
     when the group is not one particle at a point that flies, and when the target is out of range.
     """
     path = Path(scenario)

@@ -141,7 +141,7 @@ class _Problem:
         self.check: Callable[[], None] = lambda: None
 
     def try_out(self) -> None:
-        """Predict the measurements once, so that what is wrong in itself is told before the fit."""
+        """Predict the measurements once, so that errors that do not depend on the fit are reported before it."""
         predict(self.at(()), self.data.times, self.data.ids)
 
     def at(self, values: Sequence[float] | Floats) -> Scenario:

@@ -56,7 +56,7 @@ class Force(Model):
         return False
 
     def needs(self) -> frozenset[str]:
-        """Attributes of particles that the law reads beside the mass, by name."""
+        """Attributes of particles that the law reads in addition to the mass, by name."""
         return frozenset()
 
     def changes(self) -> bool:

@@ -1,4 +1,4 @@
-"""Motions: pinned particles led along a path that is given in time, whatever pulls on them.
+"""Motions: pinned particles led along a path that is given in time, under any forces.
 
 A path is three expressions of the time t and of the place (x, y, z) where a particle was laid out, or a list of times with
 offsets from that place. Between waypoints the offset is a cubic polynomial (Hermite) with a continuous velocity, whose

@@ -1,4 +1,4 @@
-"""What a scenario may say of a method beside its name: `integrator = { method = "rk45", tolerance = 1e-6 }`.
+"""The options of methods in scenarios: `integrator = { method = "rk45", tolerance = 1e-6 }`.
 
 Every family of methods has a model like this one: `method` lists the names that share its options, the other fields are the
 options, and the family's class has a field of the same name for each. The model stands beside that class, and is one

@@ -1,7 +1,7 @@
 """WHFast: Wisdom and Holman's splitting, for planets that follow Kepler's orbits about a heavy body for very long.
 
 The energy is split into that of Kepler's problem for every body but the central one, which is solved exactly, and the rest,
-a kick by what is left of the forces once those of Kepler's problems are taken out:
+a kick by the forces less those of Kepler's problems:
 
     Kepler's orbits for h/2, kick for h, Kepler's orbits for h/2.
 
@@ -75,7 +75,7 @@ class WisdomHolmanMethod(Method):
     @property
     def memory(self) -> int:
         """Place and velocity in its coordinates and the carry of their sums; place and velocity as they were at the end of
-        the last interval, to see whether somebody has changed them since; whether all this holds."""
+        the last interval, to see whether they have been changed since; whether all this is valid."""
         return 6 + 6 + 6 + 1
 
 

@@ -179,7 +179,7 @@ class PairInteraction(Model):
 
     @property
     def must_part(self) -> bool:
-        """Whether the scenario asks that particles which overlap at the start are put apart."""
+        """Whether the scenario asks that particles which overlap at the start are moved apart."""
         return False
 
     @property
@@ -240,7 +240,7 @@ class PairInteraction(Model):
         return has_law(pair_potential, self.record())
 
     def stores(self) -> bool:
-        """Whether pairs have an energy, that the ledger shows, be it alone or beside losses."""
+        """Whether pairs have an energy, which the ledger has, with or without losses."""
         return self.conserves()
 
     def feeds(self) -> bool:
@@ -252,7 +252,7 @@ class PairInteraction(Model):
         return False
 
     def needs(self) -> frozenset[str]:
-        """Attributes of particles that the law reads beside the mass, by name."""
+        """Attributes of particles that the law reads in addition to the mass, by name."""
         return frozenset()
 
     def singular(self) -> bool:

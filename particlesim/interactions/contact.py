@@ -61,7 +61,7 @@ SOFT = {"rolling_friction": 0, "cohesion": 0, "overlap": "auto"}
 NEEDED = {"linear": ("stiffness", '"1000 N/m"'), "hertz": ("young_modulus", '"10 MPa"')}
 
 STRETCHED = 0.2
-"""By what part of its radius a grain may stretch before it parts from another, for what is told of JKR."""
+"""Part of its radius by which a grain may stretch before it separates from another, for warnings about JKR."""
 
 
 class Contact(Rubbing, PairInteraction):
@@ -193,7 +193,7 @@ class Contact(Rubbing, PairInteraction):
 
     @property
     def parts(self) -> bool:
-        """Whether particles that overlap at the start are put apart."""
+        """Whether particles that overlap at the start are moved apart."""
         return self.soft and self.overlap != "keep"
 
     @property

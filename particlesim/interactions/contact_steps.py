@@ -1,4 +1,5 @@
-"""How long soft contacts last, and what steps resolve them: told before a run, as nothing touches yet."""
+"""The duration of soft contacts, and the steps that resolve it: for warnings before a run, when nothing is in contact
+yet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laws of contact: how two particles that touch push and rub each other.
+"""Laws of contact: normal forces and friction between two particles that touch.
 
 A record has a law for `touch`: at the overlap δ of a pair it gives the elastic push N(δ) and its slope, the coefficient γ_n
 of the damper beside it, stiffness k_t and damping γ_t along the surfaces, and the constant attraction C of surfaces that

@@ -20,7 +20,7 @@ Line = Annotated[str, StringConstraints(pattern=r"^(row|column) -?[0-9]{1,9}$")]
 """A row or a column of a layout that is a grid; negative numbers count from the end."""
 
 CHUNK = 1 << 16
-"""Particles sampled at once, so that millions need no memory beside their own."""
+"""Particles sampled at once, so that millions need little memory other than their own."""
 
 
 class Placed(NamedTuple):

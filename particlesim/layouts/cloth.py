@@ -27,7 +27,7 @@ AXES = ("row", "column")
 
 
 class Sheet(Mesh):
-    """What lies in a rectangle."""
+    """A lattice of particles in a rectangle."""
 
     origin: Vector[Metres] = (0.0, 0.0, 0.0)
     """Position of the bottom left corner."""

@@ -56,7 +56,7 @@ def _picture(path: Path) -> Floats:
             values = np.asarray(picture if deep else picture.convert("L"), float)
     except (UnidentifiedImageError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise UsageError(
-            f"{path} is no PNG picture: {error}", "is it what its ending says, and whole?"
+            f"{path} is no PNG picture: {error}", "is it of the type that its ending says, and complete?"
         ) from None
     return values / (65535.0 if deep else 255.0)
 

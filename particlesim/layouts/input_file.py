@@ -50,6 +50,6 @@ def bounded_lines(path: Path, file: IO[AnyStr], longest: int = LONGEST_LINE) -> 
         if len(line) > longest:
             raise UsageError(
                 f"{path}:{number}: a line of more than {longest:,} characters",
-                "is it what its ending says, and whole?",
+                "is it of the type that its ending says, and complete?",
             )
         yield line

@@ -8,7 +8,9 @@ from collections.abc import Sequence
 class Malformed(Exception):
     """What is wrong with the text or the bytes of a file, and what to do about it."""
 
-    def __init__(self, message: str, hint: str = "is it what its ending says, and whole?") -> None:
+    def __init__(
+        self, message: str, hint: str = "is it of the type that its ending says, and complete?"
+    ) -> None:
         super().__init__(message)
         self.hint = hint
 

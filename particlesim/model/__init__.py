@@ -1,1 +1,1 @@
-"""What all tables of a scenario share: units, mistakes, spelling, vectors."""
+"""The base of all tables of a scenario: units, errors, spelling, vectors."""

@@ -1,4 +1,4 @@
-"""What every particle has one number of beside its motion: mass, radius, temperature, charge.
+"""Attributes, of which every particle has one number: mass, radius, temperature, charge.
 
 This table is all that most of psim knows of them: the columns of the engine, blocks, checkpoints, births and deaths, files
 of particles, fields of the trajectory, checks and the ledger follow from it. docs/architecture.md says how to add one.

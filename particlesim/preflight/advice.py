@@ -1,4 +1,4 @@
-"""Choices in a scenario that are legal and seldom meant: told by `psim check` and at the end of a run."""
+"""Warnings of choices in a scenario that are legal and seldom meant, for `psim check` and the end of a run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from particlesim.scenario.scenario import Scenario
 PAIR_RATE = 1e9
 """Pairs that a core looks at in a second, about."""
 PATIENCE = 3600.0
-"""Seconds on one core beyond which all pairs of a run are told to be many."""
+"""Seconds on one core beyond which psim warns of direct sums over all pairs of a run."""
 ONCE = ("gravity", "coulomb", "contact")
 """Interactions that act between two particles once, if at all."""
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
@@ -56,7 +56,7 @@ def _through_bodies(scenario: Scenario) -> list[str]:
         return []
     names = ", ".join(map(repr, (sized[0], *bodies)))
     return [
-        f"particles of {' and '.join(map(repr, sized))} pass through rigid bodies: nothing says that they touch; "
+        f"particles of {' and '.join(map(repr, sized))} pass through rigid bodies: no interaction makes them touch; "
         f'[[interactions]] of type = "contact" and on = [{names}] does'.replace("'", '"')
     ]
 
@@ -127,10 +127,10 @@ def _friction(scenario: Scenario) -> list[str]:
 
 def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
     """Colliders on which particles (of one group) slide by a distance that depends on the step: a particle at rest touches
-    in every step, and loses its part of the sliding velocity every time. Told before a run, and by `psim verify`."""
+    in every step, and loses its part of the sliding velocity every time. For warnings before a run, and by `psim verify`."""
     return tuple(
-        f"{each.called(k)}: tangential_loss is taken at every contact, and a particle that lies on the "
-        f"{each.kind} touches it in every step; how far it slides depends on dt, and goes to nothing with it. It is a model "
+        f"{each.called(k)}: tangential_loss acts at every contact, and a particle that lies on the "
+        f"{each.kind} touches it in every step; how far it slides depends on dt, and goes to 0 with dt. It is a model "
         "of impacts, not of friction; friction = 0.4 is"
         for k, each in enumerate(scenario.all_colliders)
         if each.contact == "bounce"
@@ -151,8 +151,8 @@ def _explicit(scenario: Scenario) -> list[str]:
         count = int(sum(_number(numbers[name], scenario) for name in each.groups))
         if each.law.is_contact or chosen(each.law, count) not in IN_MATRICES:
             found.append(
-                f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: steps have to be as short for it as "
-                "those of an explicit method, or equations will not be solved"
+                f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: it needs steps as short as "
+                "those of an explicit method, or iterations do not converge"
             )
     return found
 
@@ -162,7 +162,7 @@ def _unrepeated(scenario: Scenario) -> list[str]:
     if scenario.simulation.box is None:
         return []
     return [
-        f"{label} acts at the places on the paths of particles, not at their images in the periodic box"
+        f"{label} depends on positions, and takes those of unwrapped paths, not of images in the periodic box"
         for label, force in zip(scenario.labels.forces, scenario.forces, strict=True)
         if force.by_place
     ]
@@ -186,16 +186,16 @@ def _direct_sums(scenario: Scenario) -> Iterator[tuple[PairSet, float, float]]:
 
 
 def long_sums(scenario: Scenario) -> tuple[str, ...]:
-    """Interactions whose pairs are summed one by one though they are so many that the run takes hours: told before it."""
+    """Warnings of interactions summed directly over so many pairs that the run takes hours."""
     found = []
     for each, pairs, step in _direct_sums(scenario):
         if step * scenario.grid.steps < PATIENCE:
             continue
         way = "fewer particles or fewer steps take less"
         if each.law.method == "direct" and each.law.lacks_multipoles() is None:
-            way = 'method = "tree" lets far particles act together'
+            way = 'method = "tree" sums far particles by multipoles'
         elif each.law.reach() is not None:
-            way = 'method = "neighbours" looks at near ones alone'
+            way = 'method = "neighbours" sums near pairs only'
         found.append(
             f"{each.name} sums {pairs:.2g} pairs one by one in every sum of forces, about {_time(step)} a step on one core "
             f"and {_time(step * scenario.grid.steps)} in all; {way}"
@@ -259,7 +259,7 @@ def _loose(scenario: Scenario) -> list[str]:
     """Bodies that nothing holds together."""
     joined = {name for each in ties(scenario) if each.holds for name in each.groups}
     return [
-        f"nothing joins the particles of {group.name!r}: a {group.layout.type} has the springs that its table springs states"
+        f"nothing joins the particles of {group.name!r}: a {group.layout.type} only has the springs of its table springs"
         for group in scenario.particles
         if group.layout.is_body and group.name not in joined and group.pinned is not True
     ]

@@ -1,4 +1,4 @@
-"""Memory of interactions of pairs: what their methods keep beside the particles.
+"""Memory of interactions of pairs: what their methods need in addition to the particles.
 
 A tree is as large for every particle of many, so a smaller one is made and looked at. Lists have room for up to twice the
 candidates that they hold; how many follows from how dense a periodic box is, and elsewhere nobody knows before the run.

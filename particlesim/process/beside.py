@@ -1,4 +1,4 @@
-"""A process beside this one: how it starts, and that it ends with it.
+"""A child process: how it starts, and that it ends with this one.
 
 On Linux it is a copy of this process, ready at once, where no other thread could hold a lock in the moment of copying;
 elsewhere a new interpreter, which imports what it needs.
@@ -43,7 +43,7 @@ class Beside:
         theirs.close()  # so that the end of the process is the end of the stream
 
     def end(self, grace: float = 0.0) -> None:
-        """End the process; one that puts things in order when it is told to end has `grace` seconds for it."""
+        """End the process; one that cleans up when it is asked to end has `grace` seconds for it."""
         self.connection.close()
         self._process.terminate()
         self._process.join(grace or None)

@@ -22,7 +22,7 @@ def preparing(what: str) -> Iterator[None]:
 
 @contextmanager
 def told_of_preparing(listener: Callable[[str | None], None]) -> Iterator[None]:
-    """Calls `listener` with what a preparation is about when it begins and with None when it ends, in whatever thread."""
+    """Calls `listener` with the description of a preparation when it begins and with None when it ends, in any thread."""
     _LISTENERS.append(listener)
     try:
         yield

@@ -111,7 +111,7 @@ def ball_shapes(scenario: Scenario) -> tuple[BallShape, ...]:
 
 
 def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
-    """All other shapes among the colliders: containers and whatever is no ball; surfaces of fluids; and rigid bodies."""
+    """All other shapes among the colliders: containers and all but balls; surfaces of fluids; and rigid bodies."""
     opacity = scenario.render.opacity
     shapes = []
     for each in scenario.colliders:

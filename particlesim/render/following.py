@@ -1,7 +1,7 @@
-"""A trajectory that a run is writing, as it will be at the run's end: whoever asks for a frame waits until it is recorded.
+"""A trajectory that a run is still writing, read as if it were complete: asking for a frame waits until it is recorded.
 
-So pictures can be prepared while the run goes on, and drawn where their view does not depend on what is still to come. They
-are those of the finished file: the frames are the same, and so is what is made of them.
+So pictures can be prepared while the run goes on, and drawn where their view does not depend on later frames. They are the
+same as those of the finished file.
 """
 
 from __future__ import annotations

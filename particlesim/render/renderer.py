@@ -1,4 +1,4 @@
-"""One trajectory, one look: everything that stays the same between frames, and the way from a frame to
+"""The renderer of one trajectory with one set of settings: what is the same for all frames, and how a frame becomes
 pixels."""
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Files that pictures go into, all by imageio: MP4 (ffmpeg), animated WebP and numbered PNG files (Pillow).
 
-A writer makes its file beside the final place under a temporary name and moves it there when it is whole;
-after an error or an interrupt nothing is left. Raises UsageError before anything is written when the place
-cannot be used, InputOutputError when writing fails later.
+A writer makes its file under a temporary name in the same folder and renames it when it is complete; after an error or an
+interrupt nothing is left. Raises UsageError before anything is written when the path cannot be used, InputOutputError when
+writing fails later.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ class Mp4Writer(Writer):
         return (_moved(self.part, self.out),)
 
     def _failure(self) -> InputOutputError:
-        """Why ffmpeg could not write: what the system says to somebody else who goes on writing this file."""
+        """Why ffmpeg could not write: the system's error when this process tries to write to the same file."""
         try:
             with self.part.open("ab", buffering=0) as file:
                 file.write(bytes(_PROBE))

@@ -86,13 +86,13 @@ class Keeper:
         return cost <= SHARE * waited
 
     def _has_room(self, simulation: Simulation) -> bool:
-        """Whether a checkpoint that nobody asked for leaves the trajectory as much room on the disk as it takes itself."""
+        """Whether an automatic checkpoint leaves the trajectory as much room on the disk as it takes itself."""
         needed, free = weight(simulation), shutil.disk_usage(self.path.parent).free
         if free >= 2 * needed:
             return True
         self._last_wall = time.monotonic()
         room = f"{size(free)} are free in {self.path.parent}"
-        self.problem = f"no checkpoint was made by itself: it takes {size(needed)}, and {room}"
+        self.problem = f"no automatic checkpoint was made: it takes {size(needed)}, and {room}"
         return False
 
     def save(self, simulation: Simulation, frames: int, facts: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Checks, looked at while a run goes on: at every frame the present state, whether it is recorded or not."""
+"""Checks during a run: evaluated for the state at every frame, whether it is recorded or not."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The video of a run, made by a process beside it while the run goes on.
+"""The video of a run, made by another process while the run goes on.
 
-The process reads the trajectory as it grows: see `particlesim.render.following`. When the run ends, kernels are compiled and
-frames looked at; where the view does not depend on what is still to come, pictures are drawn.
+The process reads the trajectory as it grows: see `particlesim.render.following`. By the end of the run it has compiled its
+kernels and surveyed the frames; where the view does not depend on later frames, it has drawn pictures, too.
 """
 
 from __future__ import annotations

@@ -150,7 +150,7 @@ class Course:
             self.keeper.save(self.simulation, len(self.log.times), self._facts())
 
     def _facts(self) -> dict[str, Any]:
-        """What a checkpoint holds beside the state of the simulation."""
+        """The contents of a checkpoint other than the state of the simulation."""
         return {
             "step": self.simulation.step,
             "time": self.simulation.time,

@@ -1,4 +1,4 @@
-"""What a check sees of the particles at a frame: one number, or the particle that is farthest from where it should be."""
+"""What a check measures at a frame: one number, or the particle that is farthest from where it should be."""
 
 from __future__ import annotations
 

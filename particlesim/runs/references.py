@@ -45,7 +45,7 @@ def _check_beside(path: Path, scenario: Scenario) -> None:
     if not path.resolve().is_relative_to(home):
         raise UsageError(
             f"the reference {path} is not in the scenario's folder, or below it",
-            "psim run --bless writes nowhere else; bless the scenario that lies beside it.",
+            "psim run --bless writes nowhere else; use --bless with a scenario in its folder.",
         )
 
 

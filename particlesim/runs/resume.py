@@ -1,4 +1,4 @@
-"""Where a run can go on: its trajectory and checkpoint, looked at before anything is computed or changed."""
+"""From where a run can be resumed: its trajectory and checkpoint, examined before anything is computed or changed."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def _latest(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], tuple[
         except UsageError as error:
             problems.append(error)
             continue
-        notes = tuple(f"{problem.message}; went on from the one before it" for problem in problems)
+        notes = tuple(f"{problem.message}; continued from the previous checkpoint" for problem in problems)
         return facts, arrays, notes
     if problems:
         raise UsageError(problems[0].message, ANEW) from problems[0]

@@ -175,7 +175,7 @@ def _check_output(path: Path, *, overwrite: bool) -> None:
 
 
 def _told(found: tuple[str, ...], warn: Callable[[str], None] | None) -> tuple[str, ...]:
-    """What is doubtful before the first step, which `warn` is told."""
+    """The warnings before the first step, for `warn`."""
     if warn is not None:
         for text in found:
             warn(text)

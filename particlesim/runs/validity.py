@@ -1,4 +1,4 @@
-"""Where laws and numbers stop being valid: watched while a run goes on, and told at its end."""
+"""Where laws and numbers stop being valid: monitored during a run, with warnings at its end."""
 
 from __future__ import annotations
 
@@ -103,8 +103,8 @@ def misplaced(world: World) -> tuple[str, ...]:
         if crammed is not None and not isinstance(crammed.other, tuple):
             (name, number), where = crammed.body, _called(world, crammed.other)
             found.append(
-                f"body {number} of {name!r} finds no room in {where}, as it is turned: contact puts it from one side to "
-                "the other in every step"
+                f"body {number} of {name!r} does not fit into {where} in its orientation: contact moves it from one side "
+                "to the other in every step"
             )
         for overlap in overlaps(island, structure):
             state = overlap.state
@@ -116,10 +116,10 @@ def misplaced(world: World) -> tuple[str, ...]:
             held = structure.colliders[island.states.index(state)]
             if (walls := no_room(overlap, [each for each in held if each.contact == "bounce"])) is not None:
                 one, other = (_called(world, each) for each in walls)
-                where = f"in {one}" if one == other else f"between {one} and {other}"
+                where = f"into {one}" if one == other else f"between {one} and {other}"
                 found.append(
                     f"particle {state.id[overlap.deepest]} of {state.name!r}, with a radius of "
-                    f"{state.radius[overlap.deepest]:.3g} m, finds no room {where}: contact puts it from one side to the "
+                    f"{state.radius[overlap.deepest]:.3g} m, does not fit {where}: contact moves it from one side to the "
                     "other in every step"
                 )
     return tuple(dict.fromkeys(found))
@@ -144,8 +144,8 @@ def outside_of_box(world: World) -> list[str]:
         x = state.x[axes, : state.count]
         if number := int(((x < low) | (x > high)).any(axis=0).sum()):
             found.append(
-                f"{number:,} of {state.count:,} particles of {state.name!r} start outside of the periodic box: they are "
-                "taken for their images inside of it"
+                f"{number:,} of {state.count:,} particles of {state.name!r} start outside of the periodic box: their "
+                "images inside of it are used"
             )
     return found
 
@@ -197,7 +197,7 @@ def squeezed(world: World) -> tuple[str, ...]:
     they are born."""
     apart = [
         f"{each.label}: {_pairs(each.number)} overlapped at the start, the deepest by {each.depth:.3g} m: they have been "
-        f"put apart, particles moved by up to {each.way:.3g} m"
+        f"moved apart, by up to {each.way:.3g} m"
         + (f", and overlap by up to {each.left:.3g} m still, as there is no room" if each.cramped else "")
         + '; overlap = "keep" leaves them where they are'
         for each in world.separations
@@ -245,8 +245,8 @@ def coarse(world: World) -> dict[str, tuple[float, float, str]]:
 def _coarse_told(label: str, step: float, length: float, precision: str, when: str) -> str:
     better = ', or precision = "double"' if precision == "single" else ""
     return (
-        f"{label}: {when} particles are so far from the origin that places are rounded by {step:.2g} m, and the interaction "
-        f"is about lengths of {length:.3g} m: put them nearer to the origin{better}"
+        f"{label}: {when} particles are so far from the origin that positions are rounded by {step:.2g} m, and the "
+        f"interaction acts over {length:.3g} m: place them nearer to the origin{better}"
     )
 
 
@@ -268,7 +268,7 @@ def knotted(world: World) -> tuple[str, ...]:
         if each.crossing:
             found.append(
                 f"{each.label}: {what} cross{'es itself' if alone else ''} at the start in {places}, the first near "
-                f"{_place(each.place)}: what crosses stays so, as contacts keep everything on the side on which it begins"
+                f"{_place(each.place)}: they stay crossed, as contacts keep everything on the side on which it begins"
             )
         else:
             found.append(
@@ -309,7 +309,7 @@ def chords(world: World) -> tuple[str, ...]:
                     name = f"{each.kind} {each.name or ''}".rstrip()
                     found.append(
                         f"between its particles the surface of {group.name!r} may reach into {name} by up to "
-                        f"{least - thin:.2g} m, as straight edges cut into what is round: a radius of {least:.2g} m keeps "
+                        f"{least - thin:.2g} m, as straight edges cut into round shapes: a radius of {least:.2g} m keeps "
                         "it out, and so do shorter edges"
                     )
     return tuple(found)

@@ -18,7 +18,7 @@ FINE = 1e-6
 
 
 class PeriodicBox(Model):
-    """A box that repeats: what leaves it on one side is back on the other, and particles see the nearest image of others."""
+    """A periodic box: particles that leave it on one side enter on the other, and act on each other by nearest images."""
 
     size: Vector[Annotated[Metres, Gt(0)]]
     """Lengths of its sides; of an axis that is not periodic, only pictures show it."""

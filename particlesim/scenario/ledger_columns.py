@@ -56,12 +56,12 @@ def attribute_totals(scenario: Tables) -> tuple[str, ...]:
 
 
 def booked(scenario: Tables) -> tuple[str, ...]:
-    """Quantities that there are when work is booked: what every cause has given, their sum, what is left of the balance."""
+    """Quantities that there are when work is recorded: the work of every cause, their sum, the residual of the balance."""
     return (WORK, *work_columns(scenario))
 
 
 def work_columns(scenario: Tables) -> tuple[str, ...]:
-    """Columns of the ledger when work is booked: of every cause, impulses, and what is left of the balance."""
+    """Columns of the ledger when work is recorded: of every cause, impulses, and the residual of the balance."""
     found = causes(scenario, [group.name for group in scenario.groups])
     kicks = ("impulses",) if scenario.impulses else ()
     return (*(f"{WORK}.{name}" for name in dict.fromkeys((*found, *kicks))), BALANCE)

@@ -128,8 +128,8 @@ def joint_tables(scenario: Tables) -> Iterator[tuple[Path, Joint | Springs | Rod
 
 
 def spins(scenario: Tables, group: Group) -> bool:
-    """Whether the particles of a group turn: spheres do whose contacts with each other have friction; surfaces, strands and
-    what touches these do not."""
+    """Whether the particles of a group rotate: spheres do whose contacts with each other have friction; surfaces, strands
+    and what touches these do not."""
     for each in scenario.interactions:
         if each.rubs:
             groups = interacting(each, scenario.groups)

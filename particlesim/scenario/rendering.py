@@ -32,7 +32,7 @@ def colorable(fields: Collection[str], *, springs: bool = False) -> tuple[str, .
 
 
 class Camera(Model):
-    """Where the picture is taken from. What is left out is chosen so that the particles fill the frame."""
+    """Where the picture is taken from. Keys that are left out are chosen so that the particles fill the frame."""
 
     eye: Vector[Metres] | None = Field(None, description="Position of the camera [m].")
     target: Vector[Metres] | None = Field(None, description="Point in the middle of the picture [m].")

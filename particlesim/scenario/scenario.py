@@ -24,7 +24,7 @@ from particlesim.scenario.timegrid import TimeGrid, time_grid
 
 
 class Scenario(Tables):
-    """A particle simulation: what there is, what acts on it, how it is stepped and what is kept."""
+    """A particle simulation: particles and bodies, forces, method, and output."""
 
     _overrides: tuple[str, ...] = PrivateAttr(default=())
     _source: Source | None = PrivateAttr(default=None)
@@ -46,7 +46,7 @@ class Scenario(Tables):
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """What was set beside the file, as 'key=value'."""
+        """Overrides of the file, as 'key=value'."""
         return self._overrides
 
     @property
@@ -102,7 +102,7 @@ class Scenario(Tables):
             raise located from None
 
     def at_springs(self, label: str) -> AbstractContextManager[None]:
-        """What is wrong with a set of springs, by its name in the ledger, once particles have their places: told with its
+        """An error about a set of springs, by its name in the ledger, once particles have their positions: reported with its
         place in the text where that is known."""
         return self._at("springs", self.labels.springs, label)
 

@@ -70,7 +70,7 @@ class Tables(Model):
     emitters: tuple[Late[Emitter], ...] = ()
     """Sources of particles."""
     forces: tuple[AnyForce, ...] = ()
-    """What acts on particles."""
+    """Forces on particles."""
     interactions: tuple[AnyInteraction, ...] = ()
     """What particles do to each other, near or far."""
     springs: tuple[Late[Springs], ...] = ()

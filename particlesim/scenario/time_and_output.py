@@ -66,7 +66,8 @@ class Output(Model):
     every: Annotated[int, Field(ge=1, le=10**15, strict=True)] | None = None
     """Steps between frames, instead of fps. Without any of the three, about 300 frames are kept."""
     fields: tuple[FieldName, ...] | None = None
-    """Quantities beside position and id; velocity, and radius, temperature, charge where there are any, unless given."""
+    """Quantities in addition to position and id; velocity, and radius, temperature, charge where there are any, unless
+    given."""
     precision: Literal["single", "double"] = "single"
     """Floating-point numbers in the file."""
     compression: Literal["gzip", "none"] = "gzip"
@@ -79,8 +80,8 @@ class Output(Model):
     """Wall-clock time between checkpoints. Left out: 1 s, then twice as long each time, up to 60 s, and longer where they
     would take more than 2 % of the run."""
     work: bool = False
-    """In the ledger also the work of drag, dampers, contact, motions, births and whatever else gives energy or takes it, and
-    what is left of the balance. Takes a few times as long as the run without."""
+    """In the ledger also the work of drag, dampers, contact, motions, births and all other causes that add or remove energy,
+    and the residual of the balance. The run takes a few times as long."""
 
     @model_validator(mode="after")
     def _one_interval(self) -> Output:
@@ -92,7 +93,7 @@ class Output(Model):
                 also=[((given[0],), f"{given[0]} is given here")],
             )
         if self.work and not self.ledger:
-            raise invalid("work is booked in the ledger", at=("work",), also=[(("ledger",), "false here")])
+            raise invalid("work is recorded in the ledger", at=("work",), also=[(("ledger",), "false here")])
         if self.fields is not None and len(set(self.fields)) < len(self.fields):
             raise invalid("a field is named twice", at=("fields",))
         return self

@@ -116,7 +116,7 @@ class DaskExecutor:
 
 @contextmanager
 def _scheduler_there() -> Iterator[None]:
-    """Raise InputOutputError for what goes wrong when the scheduler has gone."""
+    """Raise InputOutputError for errors that follow from the loss of the scheduler."""
     try:
         yield
     except (OSError, TimeoutError, CancelledError) as error:

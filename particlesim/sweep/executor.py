@@ -168,7 +168,7 @@ class _Worker:
 
 
 def _work(connection: Connection, task: Callable[[int], Any]) -> None:
-    """What a worker does: runs, until nobody listens."""
+    """The work of a worker process: runs, until the pipe to it is closed."""
     try:
         connection.send(Ready())
         while True:

@@ -296,7 +296,9 @@ def _columns(scenario: Scenario, chosen: Sequence[str]) -> tuple[str, ...]:
                 f"{name} comes from the ledger, which is switched off", "--set output.ledger=true"
             )
         if name not in there and name in booked(scenario):
-            raise UsageError(f"{name} is not in the ledger, as no work is booked", "--set output.work=true")
+            raise UsageError(
+                f"{name} is not in the ledger, as work is not recorded", "--set output.work=true"
+            )
         if name not in known:
             hint = did_you_mean(name, known) or "There are: " + ", ".join(known)
             raise UsageError(

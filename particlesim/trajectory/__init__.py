@@ -1,1 +1,1 @@
-"""Trajectory files: written while a run goes on, read by everyone."""
+"""Trajectory files: written during a run, read by psim and other tools."""

@@ -1,4 +1,4 @@
-"""A periodic box: where particles are in it, and how often they have gone through it."""
+"""A periodic box: positions wrapped into it, and how often particles have crossed its faces."""
 
 from __future__ import annotations
 

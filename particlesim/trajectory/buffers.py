@@ -1,4 +1,4 @@
-"""Arrays that are used again: fresh memory costs a page fault per 4 KB, more than copying a frame does."""
+"""Arrays that are reused: newly allocated memory costs a page fault per 4 KB, which takes longer than to copy a frame."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Checkpoint files: facts and arrays from which a run goes on, beside its trajectory.
+"""Checkpoint files: facts and arrays from which a run is resumed, in the folder of its trajectory.
 
 NAME.vtkhdf.checkpoint is a ZIP archive, not compressed, of facts.json and one NPY file per array; each carries a checksum.
-It replaces the one before it in one step, and that stays as NAME.vtkhdf.checkpoint.previous.
+It replaces the previous one in one step, which stays as NAME.vtkhdf.checkpoint.previous.
 """
 
 from __future__ import annotations

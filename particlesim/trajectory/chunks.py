@@ -1,4 +1,4 @@
-"""How the particles of a frame are cut into HDF5 chunks, and what the bytes of a chunk are.
+"""How the particles of a frame are divided into HDF5 chunks, and the bytes of a chunk.
 
 Every frame starts on a chunk border, so that a chunk is written once and never again: a rewritten compressed
 chunk would leave its old bytes behind as a hole (SWMR writers must not reuse them), and a process killed in

@@ -1,4 +1,4 @@
-"""Open a trajectory to go on writing it behind one of its frames."""
+"""Open a trajectory to write further frames after a given one."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from particlesim.trajectory.target import FORBIDDEN
 
 
 def cut_to(path: Path, frames: int, broke: Mapping[str, npt.NDArray[np.float64]]) -> str:
-    """Cut a trajectory that nobody writes back to its first frames, and say that it is being written; returns the name of
-    its run.
+    """Cut a trajectory that no process writes back to its first frames, and say that it is being written; returns the name
+    of its run.
 
     `broke` has the times at which springs broke until then [s], by the name of their set. Raises UsageError when the file
     is in use, is damaged, or has fewer frames, InputOutputError when it may not be changed.

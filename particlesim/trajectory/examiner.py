@@ -1,11 +1,11 @@
-"""Look through files of others in a process that may hang or crash, before this one uses them.
+"""Examine files from elsewhere in a process that may hang or crash, before this one uses them.
 
-HDF5 has no defence against some damage: where its heap of texts is broken, it goes round for ever inside of the library,
-where no signal handler of Python gets to. So a small process, which imports h5py and nothing else of size, looks through
-every file that this process has not written itself (see `structure`), under a limit on its own computing time. It starts
-with the first such file, serves for all that follow, and ends with this process, even when that is killed.
+HDF5 has no defence against some damage: a broken heap of strings puts the library into an endless loop, where no signal
+handler of Python runs. So a small process, which imports h5py and nothing else of size, examines every file that this
+process has not written itself (see `structure`), with a limit on its CPU time. It starts with the first such file, examines
+all later ones, and ends with this process, even when that is killed.
 
-Where no process can be started, files are looked through in this one, without a limit.
+Where no process can be started, files are examined in this one, without a limit.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ _PATIENCE = 1.0
 
 
 class DamagedError(UsageError):
-    """A file of which a part is missing, or is not what was written."""
+    """A file of which a part is missing or has changed."""
 
 
 def check_readable(path: Path) -> Superblock:

@@ -1,6 +1,6 @@
-"""The open HDF5 file of a writer: frames go in, in order, and are finished when `append` returns.
+"""The open HDF5 file of a writer: frames are appended in order, and are finished when `append` returns.
 
-Not safe for threads; `TrajectoryWriter` puts a queue and a thread before it.
+Not safe for threads; `TrajectoryWriter` feeds it from a queue by one thread.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
-"""Opening HDF5 files that may be damaged, or that others write or read, so that using them ends.
+"""Opening HDF5 files that may be damaged, or that other processes write or read, such that no call hangs.
 
-HDF5's own way of reading beside a writer (SWMR) does not do. It takes all that a process has open of one file for one
-file, and gives wrong errors once one of several readers reads a part of it anew. And it reads metadata again while its
-checksum is wrong, in case it came upon a write in progress, with a wait that doubles each time from 1 ns on, a hundred
-times: in a damaged file that is for ever. What a SWMR writer puts on the disk is in order at every moment, though, so a
-reader needs nothing of that: it opens the file anew to see what is new, and tries again by itself, for a while.
+HDF5's own mode for reading while another process writes (SWMR) is not suitable. It treats all that a process has open of one
+file as one file, and gives wrong errors once one of several readers refreshes a part of it. And while a checksum of metadata
+is wrong, it reads them again, as a write may be in progress, with a wait that doubles each time from 1 ns on, a hundred
+times: with a damaged file that never ends. But the file of a SWMR writer is consistent on disk at every moment, so a reader
+needs no such mode: it opens the file anew to see new frames, and repeats failed attempts itself, for a limited time.
 
-A writer must not wait either; h5py does not offer the setting that limits its attempts, so it is made through the library
-that h5py has loaded. Where that does not show it, the writer goes without: only a file that was damaged unseen since it was
-last verified could keep it waiting.
+A writer must not hang either. h5py does not offer the setting that limits its attempts, so it is made through the library
+that h5py has loaded. Where that is not accessible, the limit is missing: only a file that was damaged since it was last
+verified could make the writer hang.
 
 Source: HDF5 Reference Manual, H5Pset_metadata_read_attempts.
 """

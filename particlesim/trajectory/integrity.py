@@ -1,7 +1,7 @@
 """Whether the datasets of a trajectory are of the types and shapes that `layout` gives them.
 
-A file that was changed, or damaged where no checksum sees it, is told as such when it is opened, instead of by whatever an
-array of text does to the first formula that it gets into.
+A file that was changed, or damaged where no checksum covers it, is reported as such when it is opened, not by the first
+formula that fails on an array of strings.
 """
 
 from __future__ import annotations

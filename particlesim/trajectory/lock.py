@@ -3,8 +3,8 @@
 HDF5 marks a file that is open for writing, but a killed process leaves the mark behind. So the writer also
 holds a lock that the operating system drops when the process ends, on a byte far behind the data that nothing
 else locks. On Linux it is an open-file-description lock, which survives that the same process opens and
-closes the file elsewhere. Systems without such locks go by time: a marked file that changed in the last
-minute is taken to be in use.
+closes the file elsewhere. Systems without such locks go by time: a marked file that changed in the last minute counts as in
+use.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a path leads to, told in a word before anything is opened: opening a pipe waits, reading a device never ends."""
+"""The kind of file at a path, found before it is opened: opening a pipe waits, and reading a device never ends."""
 
 from __future__ import annotations
 

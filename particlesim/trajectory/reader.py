@@ -388,7 +388,7 @@ def _status(dataset: h5py.Dataset) -> str:
 
 
 def _plain(dataset: h5py.Dataset) -> str | int | float:
-    """A scalar dataset as Python's own type. Raises ValueError for what has more values."""
+    """A scalar dataset as Python's own type. Raises ValueError for a dataset with more values."""
     if dataset.shape != ():
         raise ValueError(f"{dataset.name} has the shape {dataset.shape}")
     value = dataset[()]

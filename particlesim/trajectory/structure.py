@@ -1,8 +1,8 @@
-"""What an HDF5 file is made of, looked at before anything in it is used.
+"""The objects of an HDF5 file, examined before any of them is used.
 
-HDF5 follows three things out of a file without a word: links to other files, datasets stored in other files, and datasets
-put together from those of others. A file from a stranger would read any file of the machine with them, or wait for ever
-on a pipe. Nothing that psim writes has them.
+HDF5 silently follows three kinds of references out of a file: links to other files, datasets stored in other files, and
+datasets composed of those in others. With them a file from a stranger could read any file of the machine, or wait for ever
+on a pipe. psim writes none of them.
 
 Source: HDF5 Reference Manual, H5Lget_info, H5Oget_info, H5Pget_external, H5Pget_layout.
 """
@@ -18,7 +18,7 @@ from h5py import h5d, h5l, h5o
 from particlesim.trajectory.hdf5 import open_alone
 
 MOST_TEXT = 1 << 20
-"""Texts in a dataset; what has more is no trajectory, and is not read."""
+"""Strings in a dataset; a file with more is no trajectory, and is not read."""
 _EXTERNAL_FILES = 1 << 7
 """In the set of messages of an object's header: its data are in other files."""
 
@@ -28,8 +28,8 @@ class ElsewhereError(Exception):
 
 
 def survey(path: Path) -> None:
-    """Visit all links, objects, attributes and text of a file, and every index of chunks: whoever reads it afterwards meets
-    nothing that this has not met. What cannot be made sense of is left to them.
+    """Visit all links, objects, attributes and strings of a file, and every index of chunks: later readers meet nothing that
+    this has not visited. Contents that are meaningless are left to them.
 
     Raises ElsewhereError for data in other files, before any of those is opened, and what HDF5 raises where links or objects
     cannot be read. In a file that was damaged, or made for that, it may crash, or not end.

@@ -1,4 +1,4 @@
-"""What a finished trajectory tells of its run: JSON in /psim/summary, which carries no checksum."""
+"""The summary of a run in its finished trajectory: JSON in /psim/summary, which has no checksum."""
 
 from __future__ import annotations
 

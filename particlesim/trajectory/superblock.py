@@ -1,7 +1,7 @@
 """The first 48 bytes of an HDF5 file (superblock version 3): who has it open, and how long it is.
 
 A process that is killed while it writes leaves its mark "open for writing" in the file, and HDF5 then refuses
-every ordinary opening. These functions read the mark and take it away.
+every ordinary opening. These functions read the mark and remove it.
 
 Source: HDF5 File Format Specification 3.0, section II.A "Disk Format: Level 0A"; the checksum is Bob Jenkins'
 lookup3 `hashlittle` (http://burtleburtle.net/bob/c/lookup3.c), which the specification names for metadata.
@@ -54,10 +54,10 @@ def read_superblock(path: Path) -> Superblock | None:
 
 
 def clear_mark(path: Path) -> None:
-    """Take the writer's mark off a file that no process writes, and set its length to the real one.
+    """Remove the writer's mark from a file that no process writes, and set its length to the real one.
 
-    The length matters: a killed writer may have left a smaller one, and whoever opens the file for writing
-    next would put new data over the last frames.
+    The length matters: a killed writer may have left a smaller one, and the next process that opens the file for writing
+    would overwrite the last frames.
     """
     with path.open("r+b") as file:
         head = unmarked(file)

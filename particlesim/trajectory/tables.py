@@ -1,7 +1,7 @@
 """Datasets that grow by rows, appended to through HDF5's own calls.
 
-h5py's `dataset[a:b] = values` and `resize` look everything up anew each time; of a small frame, that was three quarters
-of the time to write it.
+h5py's `dataset[a:b] = values` and `resize` look everything up anew each time, which would be three quarters of the time to
+write a small frame.
 """
 
 from __future__ import annotations

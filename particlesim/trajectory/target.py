@@ -1,4 +1,4 @@
-"""Putting an output file in its place: nothing is overwritten unasked, or before the new file is there."""
+"""Moving an output file to its name: nothing is overwritten unasked, or before the new file is complete."""
 
 from __future__ import annotations
 

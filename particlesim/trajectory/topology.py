@@ -1,4 +1,4 @@
-"""What joins the particles of a trajectory: springs and surfaces, written once, before the first frame.
+"""The springs, rods and surfaces of a trajectory, written once, before the first frame.
 
 Particles are named by their ids, which never change; rows of a frame do where particles die.
 """

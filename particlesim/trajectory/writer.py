@@ -99,8 +99,8 @@ class TrajectoryWriter:
         precision: Precision = "single",
         topology: Sequence[Topology] = (),
     ) -> TrajectoryWriter:
-        """A writer that goes on behind the first `frames` frames of a trajectory that nobody writes; what comes after them
-        is dropped. The other arguments are those it was made with.
+        """A writer that continues after the first `frames` frames of a trajectory that no process writes; later frames are
+        dropped. The other arguments are those with which it was made.
 
         Raises UsageError when it is in use, is damaged, or has fewer frames, InputOutputError when it may not be written.
         """

@@ -140,7 +140,7 @@ WRONG = [
     ({"quantity": "position", "max": 1}, "unknown quantity", "position.x"),
     ({"quantity": "balls.vx", "max": 1}, "unknown quantity", 'quantity = "velocity.x", group = "balls"'),
     ({"quantity": "potential.wind", "max": 1}, "unknown quantity", "potential.gravity"),
-    ({"quantity": "balance", "max": 1}, "no work is booked", "work = true under [output]"),
+    ({"quantity": "balance", "max": 1}, "work is not recorded", "work = true under [output]"),
     ({"quantity": "work.contact", "max": 1}, "unknown quantity", "work is done by: nothing"),
     ({"quantity": "count", "group": "bals", "max": 1}, "unknown group", 'did you mean "balls"?'),
     ({"quantity": "energy"}, "needs a bound", None),
@@ -250,7 +250,7 @@ def test_work_that_is_not_booked_is_offered() -> None:
     with pytest.raises(ps.ScenarioError) as caught:
         scenario({"quantity": "work.link.breaking", "max": 1}, **off)
     (diagnostic,) = caught.value.diagnostics
-    assert diagnostic.message == "work.link.breaking is not in the ledger, as no work is booked"
+    assert diagnostic.message == "work.link.breaking is not in the ledger, as work is not recorded"
     assert diagnostic.hint is not None
     assert "work = true under [output]" in diagnostic.hint
 

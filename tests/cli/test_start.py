@@ -90,7 +90,7 @@ def test_a_check_of_many_that_interact_needs_kernels_that_are_kept(tmp_path: Pat
     code += "print('walker:', 'particlesim.compiler.walker' in sys.modules)"
     told = run(code, tmp_path)
     assert "walker: False" in told
-    assert "not looked for" in told
+    assert "not computed" in told
 
 
 def test_a_check_tells_what_is_outside_of_the_box_in_any_case(tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_a_check_tells_what_is_outside_of_the_box_in_any_case(tmp_path: Path) ->
     code = "import sys; sys.argv = ['psim', 'check', 'scene.toml']; sys.stderr = sys.stdout\n"
     code += "try:\n import psim.app as a; a.main()\nexcept SystemExit: pass\n"
     told = run(code, tmp_path)
-    assert "not looked for" in told
+    assert "not computed" in told
     assert "99 of 400 particles of 'particles' start outside of the periodic box" in told
 
 
@@ -116,7 +116,7 @@ def test_a_check_of_starts_that_overlap_in_a_box_compiles_nothing(tmp_path: Path
     code += "print('walker:', 'particlesim.compiler.walker' in sys.modules)"
     told = run(code, tmp_path)
     assert "walker: False" in told
-    assert "not looked for" in told
+    assert "not computed" in told
 
 
 def test_a_check_without_the_stable_step_places_nothing(tmp_path: Path) -> None:

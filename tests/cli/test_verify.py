@@ -69,7 +69,7 @@ tangential_loss = 0.3
 """
     )
     ended = psim("verify", "slope.toml")
-    assert "note: plane 0: tangential_loss is taken at every contact" in ended.out
+    assert "note: plane 0: tangential_loss acts at every contact" in ended.out
     assert "depends on dt" in psim("verify", "slope.toml", "--json").json["notes"][0]
     assert "not of friction" in " ".join(psim("check", "slope.toml").err.split())
     assert "note" not in psim("verify", "tiny.toml").out

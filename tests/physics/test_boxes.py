@@ -437,11 +437,11 @@ def test_forces_by_place_are_told() -> None:
     table = boxed([[1.0, 2.0, 3.0], [4.0, 5.0, 0.2]]).model_dump(exclude_unset=True)
     spring = {"type": "point_spring", "stiffness": 1.0}
     told = advice(ps.from_table({**table, "forces": [spring]}))
-    assert any("not at their images" in each for each in told)
+    assert any("not of images" in each for each in told)
 
 
 def test_particles_outside_of_the_box_are_told() -> None:
     told = misplaced(Simulation(boxed([[1.0, 2.0, 3.0], [4.0, -5.0, 0.2], [6.0, 0.0, 0.0]]), threads=1))
     assert told == (
-        "1 of 3 particles of 'atoms' start outside of the periodic box: they are taken for their images inside of it",
+        "1 of 3 particles of 'atoms' start outside of the periodic box: their images inside of it are used",
     )

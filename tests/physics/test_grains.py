@@ -567,6 +567,6 @@ def test_bad_input_is_refused() -> None:
     assert "do not turn" in refused(law={"friction": 0.0}, group={"angular_velocity": [0, 0, 1]})
     assert "2 vectors for 1 particles" in refused(group={"angular_velocity": [[0, 0, 1], [0, 0, 2]]})
     assert "tangential_loss belongs to impacts" in refused(planes=[{"tangential_loss": 0.5}])
-    assert "recovery is how impacts" in refused(planes=[{"recovery": 0.01, "detection": "discrete"}])
+    assert "recovery puts particles back" in refused(planes=[{"recovery": 0.01, "detection": "discrete"}])
     assert "restitution that falls" in refused(planes=[{"restitution": {"value": 0.5, "speed": 1.0}}])
-    assert "which rk45 chooses" in refused(law={"friction": 0.0}, planes=[{"friction": 0.3}], method="rk45")
+    assert "rk45 tries steps" in refused(law={"friction": 0.0}, planes=[{"friction": 0.3}], method="rk45")

@@ -176,8 +176,8 @@ def test_what_a_motion_may_lead() -> None:
     path = ["x + t", "y", "z"]
     for motion, why in (
         ({"collider": "pistol", "path": path}, "unknown collider 'pistol'"),
-        ({"collider": "ground", "path": path}, "a plane has no end"),
-        ({"collider": "glue", "path": path}, "left behind"),
+        ({"collider": "ground", "path": path}, "a plane is infinite"),
+        ({"collider": "glue", "path": path}, "leave them behind"),
         ({"path": path}, "a group or a collider"),
         ({"on": "a", "collider": "piston", "path": path}, "a group or a collider"),
         ({"on": "a", "spin": {"axis": [0, 1, 0], "rate": 1}, "path": path}, "spin is for colliders"),

@@ -419,7 +419,7 @@ def test_many_pairs_are_told_with_what_they_cost() -> None:
     # 10¹² pairs at 10⁹ a second, twice a step: 33 minutes, and 100 steps
     assert said == (
         "gravity sums 1e+12 pairs one by one in every sum of forces, about 33 minutes a step on one core and 2.3 days "
-        'in all; method = "tree" lets far particles act together'
+        'in all; method = "tree" sums far particles by multipoles'
     )
     law["method"] = "tree"
     assert long_sums(ps.from_table(table(1.0, 0.01, particles=[group], interactions=[law]))) == ()

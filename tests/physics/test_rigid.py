@@ -498,7 +498,7 @@ def test_the_same_bits_for_any_number_of_threads() -> None:
         ({"interactions": [{"type": "gravity", "on": ["body"]}]}, "acts between particles"),
         ({"planes": [FLOOR | {"contact": "kill"}]}, "do not die"),
         ({"planes": [FLOOR | {"contact": "stick"}]}, "do not stick"),
-        ({"planes": [FLOOR | {"detection": "discrete"}]}, "foreseen"),
+        ({"planes": [FLOOR | {"detection": "discrete"}]}, "ahead of time"),
         ({"planes": [FLOOR | {"tangential_loss": 0.1}]}, "friction"),
     ],
 )
@@ -523,7 +523,7 @@ def test_a_body_too_long_for_its_container_is_told(length: float, at: float, fit
     crate = {"type": "box", "name": "crate", "center": [0, 0, 0], "size": [1, 1, 1], "inside": True}
     told = misplaced(World(ps.from_table(table(1e-3, 1e-3, bodies=[long], colliders=[crate]))))
     assert "start inside of others" in told[0]
-    assert ["finds no room in box crate" in each for each in told[1:]] == ([] if fits else [True])
+    assert ["does not fit into box crate" in each for each in told[1:]] == ([] if fits else [True])
 
 
 def test_bodies_that_start_inside_of_others_are_told_with_their_depth() -> None:

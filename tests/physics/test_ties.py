@@ -292,7 +292,7 @@ def test_the_work_of_a_motion_that_leads_an_end_is_refused() -> None:
         "rods": [{"between": ["ball", "bead"]}],
         "motions": [{"on": "bead", "path": ["0.1 * sin(t)", "0", "0"]}],
     }
-    with pytest.raises(UsageError, match="the work of such a motion is not booked"):
+    with pytest.raises(UsageError, match="the work of such a motion is not recorded"):
         World(ps.from_table(table(0.1, 1e-3, output={"work": True, "ledger": True}, **led)))
 
 

@@ -207,11 +207,11 @@ def test_the_longest_step_is_that_of_the_fastest_pericentre() -> None:
         (
             {"springs": [{"between": ["sun", "planet"], "pairs": [[0, 0]], "stiffness": 1.0}]},
             "springs",
-            "nothing joins",
+            "without springs",
         ),
         ({"simulation": {"precision": "single"}}, "simulation.precision", "double precision"),
         ({"simulation": {"integrator": {"method": "whfast", "central": "moon"}}}, "central", "'moon'"),
-        ({"output": {"work": True, "ledger": True}}, "output.work", "booked"),
+        ({"output": {"work": True, "ledger": True}}, "output.work", "recorded"),
     ],
 )
 def test_what_it_does_not_take_is_told(change: dict[str, Any], where: str, words: str) -> None:

@@ -339,7 +339,7 @@ def test_work_needs_inertia_and_a_ledger() -> None:
     one = points((0, 0, 0), name="grain")
     with pytest.raises(ps.ScenarioError, match="'grain' has none"):
         booked(1.0, 0.1, "rk4", particles=[{**one, "dynamics": {"type": "first_order", "drag": 1.0}}])
-    with pytest.raises(ps.ScenarioError, match="booked in the ledger"):
+    with pytest.raises(ps.ScenarioError, match="recorded in the ledger"):
         simulate(1.0, 0.1, particles=[one], output={"ledger": False, "work": True})
 
 

@@ -68,7 +68,7 @@ def test_a_damaged_checkpoint_gives_way_to_the_one_before(stopped, tmp_path, res
     data[middle] = bytes(byte ^ 255 for byte in data[middle])
     checkpoint_path(stopped).write_bytes(data)
     result = ps.run(changed(), stopped, resume=True)
-    assert "went on from the one before it" in result.warnings[0]
+    assert "continued from the previous checkpoint" in result.warnings[0]
     ps.run(changed(), tmp_path / "whole.vtkhdf")
     resume.same(stopped, tmp_path / "whole.vtkhdf")
 

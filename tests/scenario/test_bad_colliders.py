@@ -146,12 +146,12 @@ def test_what_finds_no_room_is_told() -> None:
 
     small = {"type": "sphere", "radius": 0.04, "inside": True, "name": "shell"}
     floor, slope = {"type": "plane"}, {"type": "plane", "normal": [1, -1, 0], "point": [0, 0.07, 0]}
-    assert "finds no room in sphere shell" in told(small)
+    assert "does not fit into sphere shell" in told(small)
     # between two planes at an angle there is some, and it comes there by their sides in turn
     assert "start inside" in told(floor, slope)
     assert "no room" not in told(floor, slope)
     box = {"type": "box", "size": [1, 1, 1], "center": [0, 3, 0], "inside": True}
-    assert "finds no room between plane colliders.0 and box colliders.1" in told(
+    assert "does not fit between plane colliders.0 and box colliders.1" in told(
         {**floor, "normal": [0, -1, 0]}, box
     )
 

@@ -1,7 +1,7 @@
-"""The face of a kind of constraint: what everybody else asks of it.
+"""The interface of a kind of constraint.
 
-A constraint is no force: it puts particles where it wants them, after every drift, and takes from velocities what would lead
-away. Kernels get its record (`records`), with the components that hang together shared out among threads; all else runs
+A constraint is no force: after every drift it moves particles such that it holds, and takes from velocities the components
+that would violate it. Kernels get its record (`records`), with connected components distributed among threads; all else runs
 in Python. An island has one constraint or none, made of all the sets that the scenario lists (`registry`).
 """
 
@@ -17,7 +17,7 @@ from particlesim.trajectory.topology import Topology
 
 
 class Constraint:
-    """What a constraint on the particles of an island can be asked. States are `Columns` of the whole island."""
+    """Base of the constraints on the particles of an island. States are `Columns` of the whole island."""
 
     @property
     def number(self) -> int:
@@ -51,7 +51,7 @@ class Constraint:
         raise NotImplementedError
 
     def lay_again(self, site: Site, place: Ints) -> None:
-        """Go on among other rows, after births and deaths: what was in row k is in row `place[k]` of `site` now."""
+        """Use other rows, after births and deaths: row k has become row `place[k]` of `site`."""
         raise NotImplementedError
 
     def topology(self, ids: Ints) -> list[Topology]:

@@ -1,4 +1,4 @@
-"""How rods hang together, worked out once: components, an order of elimination, and its pattern.
+"""Connected components of rods, with an order of elimination and its pattern, found once.
 
 Rods that share a free particle are coupled; held particles couple nothing. Of the rods that are left, the one that is
 coupled to the fewest others is eliminated next (minimum degree), which takes chains and trees from their ends, without fill.
@@ -34,7 +34,7 @@ def new_rig(first: Ints, second: Ints, length: Floats, inverse: Floats) -> tuple
     """Rods with ends in rows `first` and `second` of an island and lengths [m]; `inverse` is 1/m of all its particles, 0 for
     those that are held. Also which of the rods each one of the rig is.
 
-    Raises UsageError for rods that hang together in too many ways.
+    Raises UsageError for rods that are connected in too many ways.
     """
     coupled = _links(first, second, inverse)
     pattern = _pattern(len(first), coupled, _components(first, second, inverse))
@@ -178,7 +178,7 @@ def _pattern(rods: int, coupled: tuple[Ints, Ints, Ints, Floats], component: Int
         updates += degree * degree // 2
         if updates > MOST_UPDATES:
             raise UsageError(
-                f"{rods:,} rods hang together in too many ways: holding them takes more than {MOST_UPDATES:,} operations a "
+                f"{rods:,} rods are connected in too many ways: holding them takes more than {MOST_UPDATES:,} operations a "
                 "step",
                 "use springs for most of them",
             )

@@ -1,4 +1,4 @@
-"""Whether rods and particles go together at the start: mistakes are told with the rod that they are about."""
+"""Whether the initial positions and velocities satisfy the rods: errors name the rod that they are about."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The kinds of constraint: what holds the particles of an island. A new kind is made here, beside the rods."""
+"""The kinds of constraint on the particles of an island. A new kind is made here, as rods are."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from particlesim.graph.graph import Island
 
 
 def held(site: Site, island: Island) -> Constraint | None:
-    """What holds the particles of an island, None where nothing does; they are put where they fit, with their velocities.
+    """The constraint of an island, None without one; initial positions and velocities are corrected such that it holds.
 
     Raises UsageError for sets that do not fit their particles.
     """

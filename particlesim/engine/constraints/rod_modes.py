@@ -1,10 +1,10 @@
-"""What rods do to the modes of an island: they take motions away, and what pulls on them makes the others stiffer.
+"""What rods do to the modes of an island: they remove motions, and their tension makes the others stiffer.
 
 Near a state the free motions of an island with rods are those with J δx = 0. A rod with the force λ (x₁ − x₂) on its first
-end pulls back across itself with −λ = T/L, as a taut string does: a pendulum of length L under T = m g swings with ω² = g/L.
+end has the transverse stiffness −λ = T/L, as a taut string does: a pendulum of length L under T = m g swings with ω² = g/L.
 With the forces f at the state, J M⁻¹ Jᵀ λ = −(J M⁻¹ f + |v₁ − v₂|²). Rods put no other limit on a step. As pendulums often
-start where little pulls on them, rods that hold on to a place count as if all that hangs on them hung on each, unless one of
-them bears that much already.
+start where their rods bear little, each rod of a connected set with a fixed end is taken to bear the whole load of the set,
+unless one of its rods already does.
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, VII.1; the Hessian of the Lagrangian on the constraints.
 """
 
@@ -26,7 +26,7 @@ ENOUGH = 1e-6
 
 
 class RodTensors(NamedTuple):
-    """A set of rods near a state: ends i and j, and what pulls back [N/m], negative when pushed, each [n]."""
+    """A set of rods near a state: ends i and j, and transverse stiffness [N/m], negative when pushed, each [n]."""
 
     i: Ints
     j: Ints
@@ -69,7 +69,7 @@ class RodTensors(NamedTuple):
 
 
 def pulls(pairs: tuple[Ints, Ints], rig: Rig, order: Ints, columns: Any, force: Floats, w: Floats) -> Floats:
-    """What pulls back on every rod [N/m]; `pairs` are rows of the ends, `force` [N] has shape [3, n], w is 1/m.
+    """The transverse stiffness of every rod [N/m]; `pairs` are rows of the ends, `force` [N] has shape [3, n], w is 1/m.
 
     Raises ValueError for a state that is not finite.
     """
@@ -93,7 +93,8 @@ def pulls(pairs: tuple[Ints, Ints], rig: Rig, order: Ints, columns: Any, force: 
 
 
 def _hanging(rig: Rig, order: Ints, pull: Floats, force: Floats) -> Floats:
-    """What pulls back [N/m], at least as much as if every connected set of rods with a held end hung on each of its rods."""
+    """The transverse stiffness [N/m], at least that of a rod that bears the whole load of its connected set, if an end is
+    held."""
     free, sets = rig.inverse > 0, np.arange(len(rig.looped))
     slots, rods = (np.repeat(sets, np.diff(borders)) for borders in (rig.slots, rig.rods))
     load = np.sqrt(

@@ -4,10 +4,10 @@ A drift of length h from positions that fit, d = x₁ − x₂, leads to others 
 
     x ← x + M⁻¹ Jᵀ λ,   v ← v + M⁻¹ Jᵀ λ / h,   with the rows d of J before the drift, so that ½ |x₁ − x₂|² = ½ L²
 
-for all rods that hang together: Newton's method with N = J' M⁻¹ Jᵀ, where J' has the rows where the particles are. At the
-end of the step v ← v + M⁻¹ Jᵀ μ with J v = 0 there. A kick before a drift needs no projection of its own: λ takes up what a
-kick adds along the rods, as it does with the μ of a drift before it, at the same place. Kicks and drifts are symplectic
-this way, reversible where the method is, and of second order in the drift.
+for all connected rods: Newton's method with N = J' M⁻¹ Jᵀ, where J' has the rows where the particles are. At the end of the
+step v ← v + M⁻¹ Jᵀ μ with J v = 0 there. A kick before a drift needs no projection of its own: what it adds along the rods
+becomes part of λ, and so does the μ of the drift before, as both are at the positions where the drift starts. Kicks and
+drifts are symplectic this way, reversible where the method is, and of second order in the drift.
 
 N couples rods that share a free particle. Its elimination follows an order and a pattern that are worked out at the start
 (`engine.constraints.elimination`): for chains and trees without fill. Rods that close loops may depend on each other:
@@ -40,7 +40,7 @@ FORGIVEN = 1e-5
 
 
 class Rig(NamedTuple):
-    """How rods hang together, component by component; within one, rods are in the order of their elimination.
+    """Rods by connected components; within one, rods are in the order of their elimination.
 
     Slots are the particles of a component: their rows in the island and 1/m (0 for those that are held). Rods have the
     slots of both ends, the square of their length [m²], and the entries of their row beyond the diagonal, `pointer`, at the

@@ -31,12 +31,12 @@ from particlesim.engine.step.step_size import (
 )
 
 PAUSED, BEGAN, ENDED, TAKEN, STEP, PREVIOUS, TRIES, PRESENT = 0, 1, 2, 3, 4, 5, 6, 7
-"""What a paused island remembers: whether it is one, when its last step began and ended, its length, the next one [s], the
+"""The state of a paused island: whether it is paused, when its last step began and ended, its length, the next one [s], the
 error, and how many tries there have been in the grid step."""
 
 
 class Pace(NamedTuple):
-    """What the threads of an island tell each other: largest value and its row of each, on cache lines of their own.
+    """What the threads of an island share: largest value and its row of each, on cache lines of their own.
 
     `report`: why the island cannot go on, when [s], and the worst particle. `disturbed`: whether contacts or breaking bonds
     may change the state between steps, so that the last slope is not the next step's first. `pauses`: whether to return
@@ -173,7 +173,7 @@ def land(
 def pause(
     share: Any, present: Any, t: Any, end: Any, taken: Any, step: Any, previous: Any, tries: Any
 ) -> None:
-    """Remember where an island is. All threads have read what was remembered before, as they have met since."""
+    """Store the present time of an island. All threads have read the earlier one, as they have met since."""
     if share.number == 0:
         present[PAUSED], present[BEGAN], present[ENDED], present[TAKEN] = 1, t, end, taken
         present[STEP], present[PREVIOUS], present[TRIES] = step, previous, tries

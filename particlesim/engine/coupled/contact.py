@@ -17,7 +17,7 @@ from particlesim.laws.registry import Particle, further, moved_to
 
 
 def forget(memory: Any, i: Any) -> None:
-    """What the method remembers of particle i no longer holds."""
+    """Invalidate the method's memory of particle i."""
     if len(memory) > 0:
         memory[-1][i] = 0
 
@@ -26,7 +26,8 @@ def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: An
     """Contacts at the end of a step.
 
     A particle that ends inside a collider is followed from impact to impact on the parabola from the beginning of the step
-    to where its method has led it. Another way would let what lies on a collider swing with growing amplitude.
+    to where its method has led it. With another path, particles that lie on a collider would oscillate with growing
+    amplitude.
     """
     for part in parts:
         hard = not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
@@ -42,13 +43,13 @@ def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: An
 
 
 def core_of(p: Any) -> Any:
-    """What is hard in a soft particle: half of its radius. What is too fast for its law, or pressed too hard, gets that far
-    into a collider and no further."""
+    """The hard core of a soft particle: half of its radius. One that is too fast for its law, or pressed too hard, gets that
+    far into a collider and no further."""
     return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, type_of(p.r, 0.5) * p.r, p.T, p.t, p.w, *further(p))
 
 
 def came_from(before: Any, i: Any, q: Any, begin: Any, h: Any, soft: Any) -> Any:
-    """Where a step to q began; for what is soft, which nobody keeps, as far back as its velocity tells."""
+    """Where a step to q began; with soft contacts, for which it is not kept, it is estimated from the velocity."""
     if soft:
         return moved_to(q, q.x - h * q.vx, q.y - h * q.vy, q.z - h * q.vz, q.vx, q.vy, q.vz, begin)
     return moved_to(

@@ -215,8 +215,8 @@ def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move
     """Total force on the particles of a share; returns when those of all shares are known, with a `Move` its own.
 
     All positions and velocities must be in place, but for those of driven particles, which are brought to time t. With a
-    `Move` particles make it as soon as the forces on them are known and nobody needs them in their old place: then they are
-    still in the cache. It is None otherwise.
+    `Move` particles make it as soon as the forces on them are known and no sum needs their old positions any more, while
+    they are still in the cache. It is None otherwise.
     """
     bring(share.motions, c, share, t)
     prepare_elements(share.elements, c, share, t)

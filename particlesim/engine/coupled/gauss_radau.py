@@ -200,7 +200,7 @@ def go_to_node(method: Any, c: Any, work: Any, first: Any, last: Any, node: Any,
 
 
 def moved(p: Any, axis: Any, in_x: Any, in_v: Any) -> tuple[float, float]:
-    """What the acceleration's polynomial has given to a component of place and velocity, over h² and h."""
+    """The contributions of the acceleration's polynomial to a component of position and velocity, over h² and h."""
     dx, dv = 0.0, 0.0
     for k in DOWNWARDS:  # small ones first
         b = p[LANES * (B + k) + axis]

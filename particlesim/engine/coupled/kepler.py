@@ -1,13 +1,14 @@
 """Kepler's problem in universal variables: where a body is a time later, on any orbit.
 
 Formulas and sources are those of `particlesim.integrators.whfast`. The equation for X is solved by Laguerre's method as
-B. A. Conway, Celest. Mech. 39, 199 (1986) uses it, with n = 5, which finds the root from afar and then of third order;
-brackets catch what leaves them. What the last iteration misses is taken out with two terms of Taylor's series, so that two
-or three evaluations of the functions are enough.
+B. A. Conway, Celest. Mech. 39, 199 (1986) uses it, with n = 5, which converges from far away, and with third order in the
+end; where a step leaves the bracket of the root, or is not less than half of the step before, the bracket is halved instead.
+The error of the last iteration is removed with two terms of Taylor's series, so that two or three evaluations of the
+functions are enough.
 
-Orbits go on for millions of steps, and their errors must be random, which add up as the root of their number. So what
-the result follows from is rounded as it is written (`exact`): a reciprocal shared by divisions has the same error in every
-step of an orbit, and so has a rounded coefficient.
+Orbits go on for millions of steps. Their rounding errors must be random, so that the sum grows only as the root of the
+number of steps. So the operations behind the result are rounded exactly as written (`exact`): a reciprocal shared by
+divisions, or a rounded coefficient, has the same error in every step of an orbit.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ MOST_ITERATIONS = 100
 
 
 class Conic(NamedTuple):
-    """What an orbit is at a place: 1/r₀ [1/m] and r₀ [m], η [m²/s], β [m²/s²], ζ [m³/s²]."""
+    """The quantities of an orbit at one position: 1/r₀ [1/m] and r₀ [m], η [m²/s], β [m²/s²], ζ [m³/s²]."""
 
     inverse: float
     r0: float

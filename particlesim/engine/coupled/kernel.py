@@ -210,7 +210,7 @@ def restore(q: Any, before: Any) -> None:
 
 
 def keep_beginning(before: Any, c: Any, share: Any) -> None:
-    """Keep the state of a share at the beginning of a step, where somebody needs it."""
+    """Keep the state of a share at the beginning of a step, where the step needs it later."""
     if before is None:
         return
     for lo in range(share.first, share.last, share.chunk):

@@ -2,9 +2,9 @@
 
 The formulas and their sources are those of `particlesim.integrators.whfast`. Every thread follows the orbits of its own
 bodies, and sums the forces on them; changes of coordinates are sums over all bodies in their order, which the first thread
-makes. The state in its own coordinates, half a step of the orbits behind, is in the memory of the particles; where their
-places and velocities are not those that the last interval left, somebody has changed them, and the coordinates are made
-anew.
+makes. The memory of the particles holds the state in the method's coordinates as it is between two half steps of the orbits:
+it lacks the last half step, which positions and velocities already have. Where these are not what the last interval left,
+they were changed from outside, and the coordinates are computed anew.
 """
 
 from __future__ import annotations
@@ -307,7 +307,7 @@ def shift(method: Any, c: Any, orbits: Any, h: Any) -> None:
 
 @outlined
 def kick(method: Any, c: Any, orbits: Any, force: Any, h: Any) -> None:
-    """What forces without Kepler's part do to the velocities in a time h."""
+    """The kick of velocities by forces without Kepler's part in a time h."""
     order, inside, memory = orbits.order, orbits.inside, c.memory
     center, count = order[0], order.size
     sx, sy, sz = force[0, center], force[1, center], force[2, center]

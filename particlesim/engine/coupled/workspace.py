@@ -66,7 +66,7 @@ class StagedEmbedded(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Scratch arrays: total force [3, n], state at the beginning of the step [6, n] or None if nobody needs it, slopes
+    """Scratch arrays: total force [3, n], state at the beginning of the step [6, n] or None if it is not needed, slopes
     [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk]. Where
     particles spin there are as many rows again of the first three: torques, angles and angular velocities. `system`: the
     equations of implicit methods; `radau`: the polynomials of IAS15; `orbits`: those of WHFast; None for other methods."""

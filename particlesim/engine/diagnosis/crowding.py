@@ -1,4 +1,4 @@
-"""Particles that overlap at the start or at birth, where an interaction makes them touch: they will move apart."""
+"""Particles with contact that overlap at the start or at birth: psim warns of them, as they will be pushed apart."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Particles that are inside of a collider: at the start that is a mistake, which contact mends at the cost of energy."""
+"""Particles inside a collider: at the start that is a mistake, and the contact that moves them out changes their energy."""
 
 from __future__ import annotations
 
@@ -51,10 +51,9 @@ def overlaps(island: BaseIsland, structure: Island) -> Iterator[Overlap]:
 
 
 def no_room(overlap: Overlap, others: Sequence[Collider]) -> tuple[Collider, Collider] | None:
-    """Two of all colliders between which there is no room for the deepest particle; None where a place for it is found.
-
-    It is put to the surface of each in turn. Where all leave room this comes to it, if they are convex (L. M. Bregman,
-    Sov. Math. Dokl. 6, 688 (1965)); where they do not, it goes to and fro.
+    """Two colliders between which the deepest particle does not fit; None where a position for it is found. It is moved to
+    the surface of each, one after the other, again and again. If it fits and they are convex, that converges (L. M. Bregman,
+    Sov. Math. Dokl. 6, 688 (1965)); if it does not fit, it alternates.
     """
     state, row = overlap.state, overlap.deepest
     x, radius = state.x[:, row].astype(float)[None], state.radius[row : row + 1].astype(float)

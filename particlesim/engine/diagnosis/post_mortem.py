@@ -1,8 +1,8 @@
-"""The post-mortem of a run that has gone wrong: what the first sign of it was.
+"""The post-mortem of a run that has gone wrong: the first sign of it.
 
-Numbers that are no longer finite are the end of a divergence, not its beginning: by then everything near has been thrown
-about. So the last interval is run again from its beginning, on a copy, to find by bisection the first step at which a
-particle was much faster than its speed and the forces at that beginning could make it.
+A number that is not finite is the end of a divergence, not its beginning: by then all particles near it are affected. So the
+last interval is run again from its beginning, on a copy, to find by bisection the first step at which a particle was much
+faster than its speed and the forces at that beginning could make it.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ WHY = {
         "allow more error (tolerance), use a method of higher order, or a smaller dt",
     ),
 }
-"""What is told of a particle whose own steps could not go on, and what to do about it."""
+"""The message about a particle that could not go on with its own steps, and its hint."""
 
 UNCLOSED = "try a smaller dt; bodies may turn by less than about a quarter of a turn in a step"
 """What to do about joints of bodies."""
@@ -186,7 +186,7 @@ def ran_away(
 
 
 def _better(world: World, number: int) -> str | None:
-    """What keeps the energy of an island better; None where only a smaller step does."""
+    """A hint at what keeps the energy of an island better; None where only a smaller step does."""
     structure = world.graph.islands[number]
     if any(each.lifts() for colliders in structure.colliders for each in colliders):
         return 'detection = "continuous" adds no energy when particles bounce; or try a smaller dt'

@@ -1,6 +1,6 @@
 """Surfaces and strands that cross or are too close at the start, where a contact should keep them apart.
 
-What crosses stays so: contacts keep everything on the side on which it began.
+Surfaces that cross at the start remain crossed: contacts keep everything on the side on which it began.
 """
 
 from __future__ import annotations

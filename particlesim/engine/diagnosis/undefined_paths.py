@@ -1,4 +1,4 @@
-"""Led particles and colliders whose path has no value: expressions such as sqrt(1 - t) end before a run does."""
+"""Paths of particles and colliders that become undefined during a run, as sqrt(1 - t) does after 1 s."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
 """Implicit steps of an island: one linear solve, or Newton's method.
 
 The unknown is the velocity V of all particles at a time t + c h, with X = X₀ + γ h V. A Newton iteration linearises at
-(X, V), with compressed springs made definite (`linear_system`), and solves for the change of V. What that
-leaves out belongs to the matrix alone and not to the forces, so that a converged step solves the equations of the method;
-without convergence, backward Euler is of first order all the same. Pinned particles have no unknown: they do not move, or
-are led.
+(X, V), without the indefinite part of compressed springs (`linear_system`), and solves for the change of V. That part is
+missing in the matrix only, not in the forces, so that a converged step solves the equations of the method; even without
+convergence, backward Euler is of first order. Pinned particles have no unknown: they do not move, or follow a path.
 """
 
 from __future__ import annotations
@@ -44,8 +43,8 @@ GOING = -1
 FORCING = 1e-2
 """How far the linear solve of a Newton iteration reduces the residual."""
 LEAST = 1e-4
-"""How far the first linear solve of a step reduces the residual at least, also where that is less than rounding of places:
-what moves less in a step than that is still accelerated."""
+"""How far the first linear solve of a step reduces the residual at least, also where that is less than rounding of
+positions: particles that move less in a step than that are still accelerated."""
 
 
 class StagedImplicit(NamedTuple):
@@ -139,7 +138,7 @@ def evolve_implicit(
 def solve(
     solver: Any, bonds: Any, s: Any, share: Any, plain: Any, symmetric: Any, size: Any, goal: Any, limit: Any
 ) -> Any:
-    """Solve the linear equations: how it ended, the size of what is left, and how many iterations it took."""
+    """Solve the linear equations; returns how that ended, the size of the residual, and the number of iterations."""
     status, left, turns, more = INDEFINITE, size, 0, 0
     if symmetric:
         copy(s.residual, s.other, share.first, share.last)
@@ -160,9 +159,8 @@ def only_internal(elements: Any) -> Any:
 
 @shared
 def keep_momentum(residual: Any, solution: Any, inertia: Any, free: Any, partial: Any, team: Any) -> None:
-    """Move all particles of an island by what makes the sum of the residuals vanish, if all can move.
-
-    Forces between them do not feel that: the momentum is kept to rounding, whatever the tolerance of the solution.
+    """Change the velocities of all particles of an island equally, such that the sum of the residuals vanishes, if all can
+    move. Forces between them do not feel that: the momentum is kept to rounding, whatever the tolerance of the solution.
     """
     for lo in range(team.first, team.last, team.chunk):
         hi = min(lo + team.chunk, team.last)
@@ -268,7 +266,7 @@ def turn_ahead(c: Any, share: Any, ahead: Any) -> None:
 
 
 def turn(c: Any, force: Any, share: Any, t: Any, end: Any, h: Any) -> None:
-    """The end of a step of what turns, by the torques of the solved state."""
+    """The end of a step of spinning particles, by the torques of the solved state."""
     if c.spin is not None:
         half, whole = type_of(h, 0.5), type_of(h, 1)
         for i in range(share.first, share.last):

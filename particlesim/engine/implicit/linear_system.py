@@ -1,8 +1,8 @@
 """The linear equations of an implicit step in an island, (D + G + B) δ = r, without a matrix.
 
 D is the inertia of every particle over the reach γ of the step, m/γ, or its drag coefficient where it has no inertia;
-G = −∂f/∂v − γ ∂f/∂x are the 3 × 3 Jacobians of forces on single particles. To B springs add what `spring_system` has, and
-what other interactions add, they say themselves (`interactions.interaction`).
+G = −∂f/∂v − γ ∂f/∂x are the 3 × 3 Jacobians of forces on single particles. B is the sum over springs (`spring_system`) and
+over all other interactions, each by its own `stiffen` and `multiply` (`interactions.interaction`).
 
 Threads own chunks of particles and add to those alone, piece after piece, as they do with forces.
 """
@@ -36,7 +36,7 @@ from particlesim.laws.registry import (
 GENERAL, COUPLED_AXES = 0, 1
 """Flags of a system, for every thread: some G is not symmetric; some G is not zero."""
 LANES = 64
-"""Sums that run beside each other, so that they are vectors; chunks of particles are multiples of it, but for the last."""
+"""Partial sums that run in parallel, as vectors; chunks of particles are multiples of it, except for the last."""
 FLAGS = 8
 """Flags per thread: those of two threads are on different cache lines."""
 

@@ -1,10 +1,11 @@
-"""A preconditioner of several levels: lattices over an island carry far what blocks of single particles carry a step.
+"""A preconditioner of several levels, which carries corrections across an island in few iterations.
 
-Neighbours correct each other in every iteration of a solver, so that a push needs as many iterations to cross an island as
-there are particles on the way. Lattices of growing pitch over the places of the particles at the start shorten it: residuals
-are summed to the nodes with trilinear weights, divided by the 3 × 3 block of each node, and carried back, M⁻¹ = Σ P D⁻¹ Pᵀ.
-The lattices are nested, so that each is reached from the one below. With Q the inertia and the springs to pinned particles,
-and B the other springs at a particle, of mean squared length ℓ², the block of a node of pitch H is about
+With the 3 × 3 blocks of single particles alone, an iteration of a solver carries a correction to the nearest neighbours, and
+as many iterations as there are particles along the way carry it across an island. Lattices of growing pitch over the initial
+positions shorten that: residuals are summed to the nodes with trilinear weights, multiplied by the inverse of the 3 × 3
+block of each node, and carried back, M⁻¹ = Σ P D⁻¹ Pᵀ. The lattices are nested, so that each is reached from the one below.
+With Q the inertia and the springs to pinned particles, and B the other springs at a particle, of mean squared length ℓ², the
+block of a node of pitch H is about
 
     D = ½ Σ w Q + ⅔ Σ w (ℓ/H)² B,
 
@@ -272,7 +273,7 @@ def gather(g: Any, free: Any, r: Any, level: Any, lo: Any, hi: Any) -> None:
 
 @outlined
 def spread(g: Any, lo: Any, hi: Any) -> None:
-    """Results of nodes [lo, hi): their own, and what comes from the lattice above."""
+    """Results of nodes [lo, hi): their own, and the contribution of the lattice above."""
     for node in range(lo, hi):
         rx, ry, rz = g.residual[0, node], g.residual[1, node], g.residual[2, node]
         x = g.inverse[0, node] * rx + g.inverse[3, node] * ry + g.inverse[4, node] * rz

@@ -1,1 +1,1 @@
-"""Steps of particles that nothing ties to others, block by block."""
+"""Steps of independent particles, block by block."""

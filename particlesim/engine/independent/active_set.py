@@ -1,4 +1,4 @@
-"""The desk of adaptive methods: the particles of a block that are under way, packed, so that loops have no gaps."""
+"""The desk of adaptive methods: the particles of a block that have not reached the end of the grid step, packed."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """The block kernel of adaptive methods: every particle takes as many steps of its own inside a grid step as its error asks.
 
-The particles of a block that are still under way are packed into columns of their own, the desk, so that the loop that
-tries a step for each of them vectorises whatever is left of the block. A second loop accepts or rejects, lets particles meet
-colliders, and takes those off the desk that have arrived. The last step ends exactly at the end of the grid step; the
-step that a particle would have taken stays in its memory.
+The particles of a block that have not reached the end of the grid step are packed into columns of their own, the *desk*, so
+that the loop that tries a step for each of them vectorises, however few are left. A second loop accepts or rejects, lets
+particles meet colliders, and removes those that have arrived from the desk. The last step ends exactly at the end of the
+grid step; the step that a particle would have taken stays in its memory.
 """
 
 from __future__ import annotations

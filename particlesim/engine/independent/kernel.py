@@ -1,4 +1,4 @@
-"""The block kernel: particles that nothing forces to be at the same time take all their steps block by block.
+"""The block kernel: independent particles, which need not be at the same time, take all their steps block by block.
 
 A block fits into the first-level cache, so an interval of many steps reads and writes main memory once.
 """

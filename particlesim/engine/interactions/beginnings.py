@@ -1,4 +1,4 @@
-"""Which two particles have no force, or no energy, where they are: for a message."""
+"""Which two particles are where their force or energy has no finite value, for an error message."""
 
 from __future__ import annotations
 

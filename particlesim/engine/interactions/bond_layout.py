@@ -1,8 +1,8 @@
-"""Springs as runs (i + k, j + k), k = 0 … n − 1, so that kernels read both ends from neighbouring places.
+"""Springs as runs (i + k, j + k), k = 0 … n − 1, so that kernels read both ends from contiguous memory.
 
 The springs of grids are few long runs, some with holes. Runs are cut at the borders of chunks of particles, which do not
-depend on the number of threads, so each end of a piece lies in one chunk, and has one owner. An owner adds to its own
-particles, piece after piece in one order: sums have the same bits for any number of threads.
+depend on the number of threads, so all first ends of a piece are in one chunk, and all second ends, and each chunk has one
+owner. An owner adds to its own particles, piece after piece in one order: sums have the same bits for any number of threads.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Slots(NamedTuple):
     table: Ints
 
     def spread(self, values: NDArray[Any], hole: Any = 0) -> NDArray[Any]:
-        """What belongs to every spring, in slots, and some value in holes."""
+        """The values of a property of springs in the slots of runs, with some value in holes."""
         return self.in_order(values[self.order], hole)
 
     def in_order(self, values: NDArray[Any], hole: Any = 0) -> NDArray[Any]:

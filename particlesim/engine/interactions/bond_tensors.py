@@ -3,7 +3,8 @@
 A spring of stiffness k, length l and rest length L₀ pulls back with k along its direction e, and with k (1 − L₀/l) across
 it; its damper acts along it. On coordinates y = √m x a network is the symmetric matrix Σ Bᵀ T B with T the 3 × 3 tensor of a
 spring and B y = √w₁ y₁ − √w₂ y₂, w = 1/m (0 for a pinned end). As |B y|² ≤ (w₁ + w₂)(|y₁|² + |y₂|²) in every direction, its
-largest eigenvalue is at most that of Σ (w₁ + w₂) T over the springs of some particle, which an endless chain reaches.
+largest eigenvalue is at most the largest of those of Σ (w₁ + w₂) T over the springs of a particle; an endless chain attains
+that.
 """
 
 from __future__ import annotations

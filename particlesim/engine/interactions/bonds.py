@@ -1,4 +1,4 @@
-"""Springs: how they are laid out, their forces, added up in a fixed order, their breaking, and all else that is asked of an
+"""Springs: their layout, their forces, added up in a fixed order, their breaking, and the other members of an
 interaction."""
 
 from __future__ import annotations

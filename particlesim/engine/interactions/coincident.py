@@ -1,4 +1,4 @@
-"""Particles in one place: where the force between them has no value, they are refused."""
+"""Particles at the same position: an error where the force between them has no value."""
 
 from __future__ import annotations
 

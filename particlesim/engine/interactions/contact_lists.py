@@ -1,13 +1,12 @@
-"""Pairs that may touch, and what their contacts remember, one after the other in memory.
+"""Pairs that may touch, and the memory of their contacts, both contiguous.
 
-Whenever neighbour lists are new, the pairs whose surfaces are nearer than the skin are taken out of them. Places in the
-order of the neighbour lists are cut into *chunks*; a pair is listed once where both of its places are in one chunk, and in
-both chunks where they are not, so that a chunk's forces are summed by whoever takes it, without anybody else's. What it
-remembers is the same in both, as forces and anchors only change their sign when the two of a pair are exchanged, and ways
-rolled not at all.
+Whenever neighbour lists are new, the pairs whose gap is smaller than the skin are taken out of them. The order of particles
+in the neighbour lists is cut into *chunks*; a pair within a chunk is listed once, and a pair of two chunks in both, so that
+one thread sums the forces on a chunk without the others. The memory of such a pair is the same in both: when the two
+particles are exchanged, forces and anchors change their sign, and the rolling displacement stays as it is.
 
-A pair's place in the list is the place of its memory. New lists look up the memory of their pairs in the old ones, which is
-why these know the order in which they were made.
+A pair and its memory have the same index. New lists look up the memory of their pairs in the old ones, which therefore keep
+the order in which they were made.
 """
 
 from __future__ import annotations

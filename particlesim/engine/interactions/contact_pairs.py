@@ -1,9 +1,9 @@
-"""Forces of the pairs of a chunk, and what their contacts remember.
+"""Forces of the pairs of a chunk, and the memory of their contacts.
 
-Some pairs at a time are tested; what touches is gathered, worked out in vectors, eight contacts at once, and sent to the
-places of the chunk, in the order of the list, which depends on the state alone. What the law sees of a member stands in one
-row, as does what a contact remembers: in a large heap, whose numbers are in no cache, a contact costs as many lines of
-memory as it has rows.
+Some pairs at a time are tested; those that touch are gathered, computed in vectors, eight contacts at once, and added to the
+forces of the chunk, in the order of the list, which depends on the state alone. What the law reads of a member is one row of
+an array, and so is the memory of a contact: in a large heap, which fits into no cache, a contact costs as many cache lines
+as it has rows.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Gathered(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What is worked out, as in `Gathered`: the force and a number, the twist, the moment, and what is remembered."""
+    """The results, as in `Gathered`: the force and a number, the twist, the moment, and the new memory."""
 
     force: Any
     twist: Any
@@ -91,7 +91,7 @@ class Found(NamedTuple):
 
 
 def seen_in(rows: Any, seen: Block) -> Block:
-    """What the law sees of members as a `Block` whose numbers stand in rows; places are not among them."""
+    """The columns of members that the law reads, as a `Block` with numbers in rows; positions are not among them."""
     light, r, v = rows[:, MOTION + 3], rows[:, 3], rows[:, MOTION : MOTION + 3].T
     return seen._replace(vx=v[0], vy=v[1], vz=v[2], m=None, r=r, a=light)
 
@@ -143,7 +143,7 @@ def part_of(rows: Any, first: Any) -> Any:
 
 @outlined
 def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted: Any) -> Any:
-    """The pairs of places [first, last) of a chunk; what others get goes to row `spare` of `pull`."""
+    """The pairs of places [first, last) of a chunk; the forces on particles of other chunks go to row `spare` of `pull`."""
     lists, near, rows = each.lists, each.near, each.rows
     memory = lists.memory
     given, found, at = room_for(each, near.x.dtype)

@@ -1,7 +1,7 @@
-"""Colliders as soft contacts feel them: what touches a wall is pressed, rubbed and turned by the law of its own kind.
+"""Soft contacts with colliders: normal force, friction and torque by the law of contacts between particles.
 
-A wall is a second sphere without end that does not give way: R = r₁, m = m₁, with the wall's own restitution and friction.
-All of it is worked out in the frame of the wall, where what moves is at rest; the arm is the distance of the centre.
+A wall is a second sphere of infinite radius and mass: R = r₁, m = m₁, with the wall's own restitution and friction. Contacts
+are computed in the frame of the wall, in which a moving wall is at rest; the lever arm is the distance of the centre.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from particlesim.scenario.reach import held_back
 
 
 class Marks(NamedTuple):
-    """What particles remember of a wall, by their rows: `state` [n], twice the round (`contact_lists.ROUND`) in which they
+    """The memory of particles of a wall, by their rows: `state` [n], twice the round (`contact_lists.ROUND`) in which they
     touched it last, and 1 more if they slid; `anchor` and `rolled` [3, n] as in `contact_lists.Memory`."""
 
     state: Any
@@ -37,12 +37,12 @@ class Marks(NamedTuple):
     rolled: Any
 
     def of_rows(self, rows: Any) -> Marks:
-        """What some rows remember."""
+        """The memory of some rows."""
         return Marks(*(None if each is None else np.take(each, rows, axis=-1) for each in self))
 
 
 ENDLESS = 1e30
-"""The radius of a wall [m], beside which that of a grain is nothing, also in single precision."""
+"""The radius of a wall [m], compared with which that of a grain is negligible, also in single precision."""
 
 
 class Wall(NamedTuple):
@@ -74,7 +74,7 @@ def local(wall: Any, p: Any) -> Any:
 
 
 def holds_on(wall: Any, memory: Any, r: Any, row: Any, turn: Any) -> Any:
-    """The gap up to which a particle touches a wall [m]: none, but for what sticks to it."""
+    """The gap up to which a particle touches a wall [m]: 0, except with adhesion."""
     none = r - r
     if isinstance(wall.law, JkrRecord):
         return stretch(wall.law, r) if memory.state[row] >> 1 == turn else none

@@ -1,13 +1,12 @@
-"""Soft contacts: particles that overlap push each other apart by springs and dampers, rub each other, and turn.
+"""Soft contacts: particles that overlap push each other apart by springs and dampers, with friction and rotation.
 
 The forces of a contact are those of `laws.contact` along the normal, and of `pressing` along the surfaces. Once in a step,
-at its end, what contacts remember is brought up to date: springs that slide give way, contacts that have ended are
-forgotten. The forces of that moment are worked out with it, so that a method that looks at the beginning of its next step
-finds them.
+at its end, the memory of contacts is updated: tangential springs that slide are shortened, contacts that have ended are
+forgotten. Forces are computed at the same time, for a method that starts its next step with them.
 
-Chunks of pairs (`contact_lists`) are taken by threads in turn. Of every chunk, some pairs at a time are tested; what touches
-is gathered in rows, so that the numbers of a contact are worked out in vectors; then forces go to the places of the chunk,
-in the order of the list, which depends on the state alone.
+Threads take chunks of pairs (`contact_lists`) one after another. Of every chunk, some pairs at a time are tested; those that
+touch are gathered in rows, so that contacts are computed in vectors; then forces are added to the particles of the chunk, in
+the order of the list, which depends on the state alone.
 
 Colliders act by the same laws (`contact_walls`).
 """
@@ -277,7 +276,7 @@ class Contacts(NearLists, ContactColumns):
 
 
 def holding(each: Contacts) -> NDArray[np.int64]:
-    """What touches, as numbers: for a pair of rows i < j of n, i n + j; for row j at wall k, (n + k) n + j."""
+    """Contacts as numbers: a pair of rows i < j of n is i n + j, row j at wall k is (n + k) n + j."""
     lists, rows = each.lists, len(each.lists.place)
     i, j, _ = contacts_in(lists)
     found = [np.minimum(i, j) * rows + np.maximum(i, j)]
@@ -303,7 +302,7 @@ def look_at(each: Any, c: Any, share: Any, t: Any) -> Any:
 
 
 def take_chunks(each: Any, c: Any, share: Any, t: Any, what: Any) -> None:
-    """All chunks, by threads in turn."""
+    """All chunks; threads take them one after another."""
     for chunk in range(share.number, each.draft.slow.size, share.threads):
         take_chunk(each, c, chunk, t, what)
 
@@ -413,7 +412,7 @@ def with_masses(site: Site, found: NearPairs) -> NearPairs:
 
 
 def hold_stuck(each: Any, c: Any, share: Any) -> None:
-    """What has stuck to a collider is as heavy as what is pinned."""
+    """Particles that have stuck to a collider count as infinitely heavy, as pinned ones do."""
     if c.clock is not None:
         for i in range(share.first, share.last):
             if held(c.clock, i) & (each.a[i] > 0):

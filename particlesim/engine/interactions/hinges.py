@@ -1,13 +1,13 @@
 """Angles and dihedrals, which resist bending: forces among three and four particles.
 
-Every thread takes all that have a corner among its particles, in one order, and adds to its own particles alone. What lies
-across a border is computed by both sides; in return no thread waits for another, and sums have the same bits for any number
-of them.
+Every thread takes all that have a corner among its particles, in one order, and adds to its own particles alone. Those with
+corners of several threads are computed by each of them; in return no thread waits for another, and sums have the same bits
+for any number of threads.
 
 To the matrix of implicit methods each adds γ times the positive part of its second derivatives, which is one product w wᵀ
 for a dihedral and two for an angle (`particlesim.bonds.hinge`), with w a vector on its three or four particles that sums to
-zero. What lets it snap or only changes its leverage is left out: it is not definite. Forces are complete, so that a
-converged step solves the equations of the method all the same.
+zero. Left out are the terms that may be negative: a negative stiffness U'', and the rest of U' times the second derivatives
+of the angle. Forces are complete, so that a converged step solves the equations of the method all the same.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class HingeColumns(NamedTuple):
 
 
 class Hinges(Interaction, HingeColumns):
-    """What angles and dihedrals have in common."""
+    """The base of angles and dihedrals."""
 
     __slots__ = ()
     follows: ClassVar[frozenset[str]] = frozenset(HingeColumns._fields)
@@ -281,7 +281,7 @@ def bent(each: Any, c: Any, q: Any) -> Any:
 
 
 def angle_times(each: Any, form: Any, x: Any, q: Any) -> Any:
-    """What an angle makes of x [3, particles]: its forces on its first particle and on its third."""
+    """The matrix of an angle times x [3, particles]: its rows for the first particle and the third."""
     i, j, k = each.rows[0, q], each.rows[1, q], each.rows[2, q]
     ax, ay, az = x[0, i] - x[0, j], x[1, i] - x[1, j], x[2, i] - x[2, j]
     bx, by, bz = x[0, k] - x[0, j], x[1, k] - x[1, j], x[2, k] - x[2, j]
@@ -299,7 +299,7 @@ def angle_times(each: Any, form: Any, x: Any, q: Any) -> Any:
 
 
 def dihedral_times(each: Any, form: Any, x: Any, q: Any) -> Any:
-    """What a dihedral makes of x: its forces on its first, second and fourth particle."""
+    """The matrix of a dihedral times x: its rows for the first, second and fourth particle."""
     i, j, k, m = each.rows[0, q], each.rows[1, q], each.rows[2, q], each.rows[3, q]
     w, u = form[:, q], x[0, i] - x[0, i]
     for axis in range(3):

@@ -1,19 +1,19 @@
-"""Hard contacts: particles that overlap at the end of a step and approach get impulses, and are put apart.
+"""Hard contacts: particles that overlap at the end of a step and approach get impulses, and are moved apart.
 
 Pairs are taken one after the other, in the order of the lists and then backwards, until none approaches (Gauss–Seidel). With
 w = 1/m, n from the second to the first and v_n = (v₁ − v₂)·n < 0 a pair gets
 
     j = −(1 + e) v_n/(w₁ + w₂),   v₁ += w₁ j n,   v₂ −= w₂ j n,
 
-and across n, by Coulomb, what stops it if that is at most μ_s j, else μ_k j. Surfaces go past each other at
-u = v_t − s (r₁ ω₁ + r₂ ω₂) × n with s = |l|/(r₁ + r₂), and u/((1 + 5 s²/2) (w₁ + w₂)) stops them, 2/7 of it where spheres
-just touch; both are turned by it. So momentum and angular momentum are kept, and energy never grows, pair by pair. An
-approach that forces have brought about within two steps is rest: it gets e = 0. Colliders that particles lie on take part in
-the turns, so that what lies on a floor holds what lies on it.
+and across n, by Coulomb, the impulse that stops sliding if that is at most μ_s j, else μ_k j. The surfaces slide over each
+other at u = v_t − s (r₁ ω₁ + r₂ ω₂) × n with s = |l|/(r₁ + r₂), and the impulse u/((1 + 5 s²/2) (w₁ + w₂)) stops them, which
+is 2/7 u/(w₁ + w₂) where spheres just touch; its torque turns both. So momentum and angular momentum are kept, and energy
+never grows, pair by pair. An approach as slow as forces bring about within two steps counts as rest, with e = 0. Colliders
+on which particles lie take part in the iteration, so that a particle on the floor holds one on top of it.
 
-Then places: overlaps are halved some times, by displacements in inverse proportion to the masses, which leave velocities as
-they are. A pair is moved apart by at most `GENTLY` of its smaller radius in a step, so that a start that overlaps does not
-fly apart.
+Then positions: overlaps are halved some times, by displacements in inverse proportion to the masses, which leave velocities
+as they are. A pair is moved apart by at most `GENTLY` of its smaller radius in a step, so that particles that overlap at the
+start do not fly apart.
 
 Source: J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics (1988); E. Guendelman, R. Bridson,
 R. Fedkiw, ACM Trans. Graph. 22, 871 (2003), for impacts before contact.

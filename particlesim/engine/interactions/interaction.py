@@ -1,11 +1,11 @@
-"""The face of a kind of interaction: what everybody else asks of it.
+"""The interface of a kind of interaction, for sums of forces, implicit methods, the ledger, stability and output.
 
 A kind is a class of records. The record of a set of its interactions (the springs of one law, the drag on one surface) is a
 NamedTuple of numbers and arrays, which is what kernels get; its class says what it does. Kernels choose by the type of the
 record, as they do for laws: `type(each).add_forces(each, ...)` is known while they are compiled.
 
-An island holds a tuple of such records, `interactions`, beside a tuple of their names. Those that are added chunk by chunk
-of particles (`by_chunks`: springs) come first; all others are added by every thread to its own particles, in their order.
+An island holds a tuple of such records, `interactions`, and a tuple of their names. Those that are added chunk by chunk of
+particles (`by_chunks`: springs) come first; all others are added by every thread to its own particles, in their order.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ class Coupling(Protocol):
 
 
 class Interaction:
-    """What a kind of interaction can be asked. Its record derives from this class and from a NamedTuple of its columns.
+    """Base of the kinds of interaction. A record derives from this class and from a NamedTuple of its columns.
 
-    Those about kernels are compiled, and take what they work on as arguments; the others run in Python. States are `Columns`
+    Methods for kernels are compiled, and take what they work on as arguments; the others run in Python. States are `Columns`
     of the whole island, c.
     """
 
@@ -73,7 +73,7 @@ class Interaction:
     follows: ClassVar[frozenset[str]] = frozenset()
     """Fields that follow from the scenario; the others belong to the state, and to checkpoints."""
     spends_as: ClassVar[str | None] = None
-    """The name in the ledger of the work that it does beside its potential; None: its own name."""
+    """The name in the ledger of the work that its potential does not account for; None: its own name."""
 
     together: ClassVar[bool] = False
     """Whether threads do what `stiffen` and `multiply` need together (`stiffen_together`, `multiply_together`)."""
@@ -95,7 +95,7 @@ class Interaction:
     # ---- kernels: forces, and the matrix of implicit methods
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:
-        """Find out what forces need, such as who is near whom, before they are summed at time t.
+        """Find out what forces need, such as neighbours, before they are summed at time t.
 
         All threads of an island call it, with all positions in place; thread `share.number` of `share.threads` owns
         particles [share.first, share.last). Threads may `meet` in it as often as they like, all equally often; where it has
@@ -111,7 +111,7 @@ class Interaction:
         """
 
     def leave(self) -> None:
-        """Forget what held only since the last `conclude`: others may change the state before the next step."""
+        """Forget results that are valid only right after `conclude`: others may change the state before the next step."""
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         """Add its forces on particles [first, last) at time t to total [3, n], and torques on them to rows 3 to 5 where
@@ -184,12 +184,12 @@ class Interaction:
         return self
 
     def summary(self) -> str | None:
-        """How its forces are summed, and what was found out about them, for people; None: nothing to tell."""
+        """How its forces are summed, and their measured errors, in words; None: nothing to say."""
         return None
 
     def laid_again(self, site: Site, place: Ints) -> Self | None:
-        """The same among other rows, after births and deaths: what was in row k is in row `place[k]` of `site`, and gone if
-        that is −1. Only called between steps. None for a kind that keeps nothing of what was: it is laid out anew."""
+        """The same for other rows, after births and deaths: row k has become row `place[k]` of `site`, and is gone if that
+        is −1. Only called between steps. None for a kind without a history: it is laid out anew."""
         return None
 
     def after(self, before: Interaction, place: Ints) -> Self:
@@ -207,7 +207,7 @@ class Interaction:
         return None
 
     def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
-        """Take over what has changed in the same `among` particles in another order."""
+        """Copy the changes of the same `among` particles in another order."""
 
     def energy(self, c: Any, t: float) -> float | None:
         """Potential energy at a time t [J] of all particles in c, be they born yet or dead; None for a kind without a
@@ -280,7 +280,7 @@ def lone(count: int) -> Lone:
 
 class Site:
     """Where interactions are laid out: the particles of an island, as one state and group by group; `began` if they are
-    those of the start, where mistakes of the scenario are told."""
+    those of the start, where errors in the scenario are reported."""
 
     def __init__(
         self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState], *, began: bool = True

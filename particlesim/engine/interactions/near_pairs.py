@@ -1,10 +1,10 @@
-"""Interactions of pairs that are near: every particle looks at those that neighbour lists name.
+"""Interactions of near pairs, summed over neighbour lists.
 
-Before every sum of forces all threads together bring the lists up to date, and then take groups of eight neighbours by
-turns. The eight are the lanes of vectors, while candidates go by one after the other: sums are vectorised without changing
-their order, which is that of the lists, whoever computes them. So results have the same bits for any number of threads.
-Each pair is taken twice; the third law holds to rounding, as f(l) and f(−l) are computed one by one. Where nothing has
-changed since the last sum, as between two steps of a leapfrog, forces are those of the last sum.
+Before every sum of forces all threads together update the lists; then each takes groups of eight neighbours, one after
+another. The eight are the lanes of vectors, and candidates follow one by one: sums are vectorised without changing their
+order, which is that of the lists on any thread. So results have the same bits for any number of threads. Each pair is
+computed twice; the third law holds to rounding, as f(l) and f(−l) are computed separately. Where nothing has changed since
+the last sum, as between two steps of a leapfrog, its forces are used again.
 
 A group whose list has no room finds its candidates at every sum, in the same order: slower, with the same bits.
 """
@@ -76,7 +76,7 @@ class NearColumns(NamedTuple):
 
 
 class NearLists(Interaction):
-    """What all kinds have in common that find pairs by neighbour lists; their columns begin as `NearColumns` do."""
+    """Base of all kinds that find pairs by neighbour lists; their columns begin as `NearColumns` do."""
 
     __slots__ = ()
     prepares: ClassVar[bool] = True

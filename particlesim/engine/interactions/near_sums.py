@@ -1,6 +1,6 @@
-"""Sums over the lists of near pairs, group by group: what laws see of particles there, and the terms of a sum.
+"""Sums over the lists of near pairs, group by group: the columns that laws read, and the terms of a sum.
 
-The eight members of a group are the lanes of vectors; its candidates go by one after the other, in the order of the list.
+The eight members of a group are the lanes of vectors; its candidates follow one by one, in the order of the list.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ def pull_on(each: Any, g: Any, t: Any) -> None:
 
 
 def pull_all(each: Any, t: Any) -> None:
-    """Sum up the forces on the members of all groups, which the threads of an island take by turns."""
+    """Sum up the forces on the members of all groups; the threads of an island take groups one after another."""
     groups = each.near.begin.size
     while True:
         first = atomic_add(each.near.report, TURN, AT_ONCE)

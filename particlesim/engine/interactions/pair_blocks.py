@@ -39,7 +39,7 @@ class Block(NamedTuple):
 
 
 def particle_of(each: Any, c: Any, i: Any) -> Any:
-    """What the law of an interaction sees of a particle, as a `Block` of single numbers."""
+    """The values of a particle that the law of an interaction reads, as a `Block` of single numbers."""
     x = c.x[i]
     charge = c.further[CHARGE] if len(c.further) > 0 else None
     return Block(

@@ -1,9 +1,10 @@
 """Interactions of pairs in the matrix of implicit methods.
 
 A pair adds B = a 1 + b l lᵀ on the difference of its ends, the positive part of γ times its stiffness −∂f/∂l, and of its
-damping −∂f/∂v. Of a central law, f = k l, the stiffness is −k across the pair and −(k + q l²) along it; of other laws what
-acts along and across is taken. What would push away (a compressed pair pushes sideways, an attraction that falls off pulls
-apart) is left out: the matrix is positive (semi-)definite, and a converged step solves the method's equations all the same.
+damping −∂f/∂v. Of a central law, f = k l, the stiffness is −k across the pair and −(k + q l²) along it; of other laws the
+components along and across the pair are taken. Negative stiffness (across a compressed pair, along an attraction that
+decreases with distance) is left out: the matrix is positive (semi-)definite, and a converged step solves the method's
+equations all the same.
 
 The matrix is not kept: every product computes B from the particles as they were when it was made.
 """
@@ -181,5 +182,5 @@ def multiply_direct(each: Any, form: Any, x: Any, y: Any, first: Any, last: Any)
 
 
 def new_direct_form(each: Any, dtype: Any) -> Any:
-    """What direct pairs keep for products."""
+    """The data that direct pairs keep for products with their matrix."""
     return np.zeros((ROWS, int(each.spans[:, [1, 3]].max(initial=1))), dtype)

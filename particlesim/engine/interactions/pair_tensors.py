@@ -1,9 +1,9 @@
 """Interactions of pairs linearised: all matrices of a few particles, and a bound for many.
 
 On coordinates y = √m x the stiffness of a pair is the tensor (w₁ + w₂) T along its relative coordinate, with T = −∂f/∂l
-and w = 1/m. Of many particles each counts with the larger of two: the steepest of its pairs, and the sum of (w₁ + w₂) T
-over all of them. The first is what two bodies that come close to each other need; the second is that of a lattice in which
-neighbours move against each other.
+and w = 1/m. Where there are many particles, the bound of each is the larger of two stiffnesses: that of its stiffest pair,
+and that of the sum of (w₁ + w₂) T over all its pairs. The first limits the step of two bodies in a close encounter, the
+second that of a lattice in which neighbours move against each other.
 """
 
 from __future__ import annotations

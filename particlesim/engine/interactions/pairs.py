@@ -1,12 +1,12 @@
 """Interactions of all pairs, summed directly: every particle looks at every other.
 
-A thread sums the forces on its own particles from all sources, so nothing is shared for writing, and every sum runs over
-the sources in their order, whoever does it: the same bits for any number of threads. That takes each pair twice; its two
-forces are opposite to rounding.
+A thread sums the forces on its own particles from all sources, so nothing is shared for writing, and every sum runs over the
+sources in their order: the same bits for any number of threads. Each pair is computed twice; its two forces are opposite to
+rounding.
 
-Targets are taken in blocks, each with its sums in vectors, while sources go by one after the other: sums are vectorised
-without changing their order. A block is always whole, its first or last places filled with copies of others, and begins
-at a multiple of its size, so that every particle has one place in its block, whoever sums its forces.
+Targets are taken in blocks, each with its sums in vectors, and sources follow one by one: sums are vectorised without
+changing their order. A block is always full, padded with copies at its beginning or end, and begins at a multiple of its
+size, so that every particle has the same lane of a block, whichever thread sums its forces.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""What two surfaces that touch do to each other, in numbers: force, torques, and what the contact remembers.
+"""A soft contact of two surfaces: force, torques, and the memory of the contact.
 
-With n the normal from the second to the first, Ω = r₁ ω₁ + r₂ ω₂ and the arms a = s r, s = |l|/(r₁ + r₂), the surfaces go
-past each other at v_t = v − (v·n) n − s Ω × n. Spring and damper along them pull with f_t = −k_t ξ − γ_t v_t, ξ' = v_t, but
-not with more than μ_s (N − γ_n v·n); what slides feels μ_k in place of μ_s, and the spring gives way. Both are turned by
-−a n × f_t: as the arms end at one point, angular momentum is kept.
+With n the normal from the second to the first, Ω = r₁ ω₁ + r₂ ω₂ and the lever arms a = s r, s = |l|/(r₁ + r₂), the surfaces
+slide over each other at v_t = v − (v·n) n − s Ω × n. A tangential spring and damper pull with f_t = −k_t ξ − γ_t v_t,
+ξ' = v_t, but not with more than μ_s (N − γ_n v·n); a sliding contact has μ_k in place of μ_s, and its spring is shortened
+accordingly. The torque on each is −a n × f_t: as the arms end at one point, angular momentum is kept.
 
-ξ is what the anchor and l have along the surfaces, less s A × n with A = r₁ α₁ + r₂ α₂ of the angles turned since the step
-began. So forces within a step depend on places alone, and every method sees the same spring.
+ξ is the tangential part of the anchor and of l, less s A × n with A = r₁ α₁ + r₂ α₂ of the angles of rotation since the step
+began. So forces within a step depend on positions alone, and every method sees the same spring.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from particlesim.laws.contact import reduced_radius, touch
 
 
 class Held(NamedTuple):
-    """What a contact remembers: whether and how it touched, and its anchor [m]."""
+    """The memory of a contact: whether and how it touched, and its anchor [m]."""
 
     state: Any
     x: Any
@@ -122,7 +122,7 @@ def press(law: Any, p: Any, n: Any, overlap: Any, held: Any, turning: Any, rolli
 
 
 def flattened(v: Any, n: Any, known: Any) -> Any:
-    """What a vector has along the surfaces; none of a contact that has just begun."""
+    """The tangential part of a vector; zero for a contact that has just begun."""
     up = dot(v, n)
     return tuple(x - up * axis if known else up - up for x, axis in zip(v, n, strict=True))
 

@@ -1,4 +1,4 @@
-"""The kinds of interaction: by what a scenario calls for, how each is laid out. A new kind is a line here."""
+"""The kinds of interaction: for each kind of set in a scenario, the function that lays it out. A new kind is a line here."""
 
 from __future__ import annotations
 

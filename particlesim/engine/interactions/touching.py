@@ -1,8 +1,8 @@
 """Pairs of particles that touch, found among the candidates of neighbour lists.
 
-The eight members of a group are tested against a candidate at once, as the lanes of vectors; what touches is given to a
-*sink*, one after the other, in the order of the lists, which depends on the state alone. Every pair comes twice, once for
-each of the two.
+The eight members of a group are tested against a candidate at once, as the lanes of vectors; pairs that touch are passed to
+a *sink*, one by one, in the order of the lists, which depends on the state alone. Every pair comes twice, once for each of
+the two.
 """
 
 from __future__ import annotations

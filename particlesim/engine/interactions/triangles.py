@@ -1,8 +1,8 @@
-"""Triangles of surfaces, and what acts on them: drag, a third of it at each corner.
+"""Drag on the triangles of surfaces, a third of it at each corner.
 
 Every thread takes all that have a corner among its particles, as with hinges. To the matrix of implicit methods every
-triangle adds −∂f/∂v, a ninth of it between any two of its corners. How the force changes as the triangle turns is left out:
-it is not symmetric.
+triangle adds −∂f/∂v, a ninth of it between any two of its corners. The change of the force as the triangle rotates is left
+out: it is not symmetric.
 """
 
 from __future__ import annotations

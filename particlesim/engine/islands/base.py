@@ -1,8 +1,9 @@
-"""What all islands have in common: groups that step together, with their births and deaths.
+"""The base of all islands: groups that step together, with their births and deaths.
 
-Births and deaths are a matter of intervals, not of steps. At the beginning of an interval those are appended who are born in
-it, with clocks that start later; at its end the dead are taken out. In between, kernels leave alone who is not there
-(`engine.state.columns.Clock`). An interval is cut short where births wait for deaths, or where work is booked.
+Births and deaths belong to intervals, not to steps. Particles that are born in an interval are appended at its beginning,
+with clocks that start later; dead particles are removed at its end. In between, kernels skip particles that are not born yet
+or dead (`engine.state.columns.Clock`). An interval is cut short where births wait for deaths, or where work enters the
+ledger.
 """
 
 from __future__ import annotations
@@ -83,12 +84,12 @@ class BaseIsland:
 
     @property
     def interactions(self) -> tuple[Any, ...]:
-        """What acts between particles."""
+        """The interactions between its particles."""
         return ()
 
     @property
     def constraint(self) -> Constraint | None:
-        """What holds particles, None where nothing does."""
+        """The constraint on its particles, None without one."""
         return None
 
     def phase(self, first: int, last: int) -> int:
@@ -97,8 +98,8 @@ class BaseIsland:
         return min(first + 1, last) if waits else last
 
     def begin(self, team: Team) -> None:
-        """Let interactions find out what they need to know before the first step. Raises UsageError where one cannot do what
-        was asked for."""
+        """Let interactions measure what they need before the first step. Raises UsageError where a requested accuracy cannot
+        be reached."""
 
     def refuse_wild(self, time: float) -> None:
         """Raise UsageError, which names both, for two particles that have no force or energy where they are."""
@@ -128,7 +129,7 @@ class BaseIsland:
         ]
 
     def _gather(self) -> None:
-        """Keep the impacts of the steps just made for those who hear of them, the dead among them."""
+        """Keep the impacts of the steps just made for emitters that react to them, also those of particles that died."""
         if any(HEARD in state.parts for state in self.states):
             self.impacts = {state.name: state.take_impacts() for state in self.states}
 
@@ -186,7 +187,7 @@ class BaseIsland:
         return measure(records, self.columns()[member], time, team)
 
     def stored(self) -> dict[str, float]:
-        """Potential energies [J] of what acts between its members beside interactions, by names in the ledger."""
+        """Potential energies [J] between its members other than those of interactions, by names in the ledger."""
         return {}
 
     def broke(self) -> dict[str, NDArray[np.float64]]:
@@ -198,12 +199,12 @@ class BaseIsland:
         }
 
     def topology(self) -> list[Topology]:
-        """What a trajectory keeps of what joins its particles."""
+        """The springs, rods and surfaces of its particles, for a trajectory."""
         raise NotImplementedError
 
     def keep(self, first: int, *, fresh: bool = True) -> None:
-        """Remember the state at the beginning of an interval, to look for the first sign of what goes wrong in it. Where it
-        is `fresh`, a run may be resumed."""
+        """Keep the state at the beginning of an interval, to search for the first sign of a divergence in it. Where it is
+        `fresh`, a run may be resumed."""
         raise NotImplementedError
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:

@@ -1,4 +1,4 @@
-"""When the work in an island is booked: before and after every step, at births and deaths (`ledger.particle_work`)."""
+"""When work in an island enters the ledger: before and after every step, at births and deaths (`ledger.particle_work`)."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from particlesim.model.arrays import Floats
 Leg = tuple[Opened, Interactions, float]
 """An own step at the end of which an island pauses, the interactions before it, and when it ends [s]."""
 Kept = tuple[Floats, Which]
-"""Amounts that are booked and turned over [J], shape [2, causes], and who was there in the last own step."""
+"""Amounts that are booked and turned over [J], shape [2, causes], and the particles that existed in the last own step."""
 
 
 class Bookkeeper:
-    """Keeps the books of an island, as long as it has the particles of a layout.
+    """Keeps the account of work (`ledger.work.Books`) of an island, as long as it has the particles of a layout.
 
     Methods with own steps end one at every birth and death. What others have stored with those particles is booked there,
     where all are then: `_here` are those who were there in the last own step, shape [n].
@@ -112,8 +112,8 @@ class Bookkeeper:
         (self.books.totals[:], self.books.turned[:]), self._here = kept
 
     def _go_on(self, moment: Moment, time: float, here: Which) -> None:
-        """Book what is stored with those who are not there any more from a moment on, and with those who are there now;
-        `time` is that of the moment [s]."""
+        """Book the energy stored with particles that are gone from a moment on, and with those that have come; `time` is
+        that of the moment [s]."""
         left = self._here & here
         if (left == self._here).all() and (left == here).all():
             return
@@ -152,7 +152,7 @@ class Bookkeeper:
         self.books.add("deaths", change)
 
     def book_dead(self, now: Moment, end: float) -> None:
-        """Book what those take away who are dead at the time `end` [s], but for what they have stored with others."""
+        """Book the energy of particles that are dead at the time `end` [s], without that stored with others."""
         self._island.book_dead(self._joined.cut(now.columns), end)
 
     def _book(

@@ -79,13 +79,13 @@ class CoupledIsland(BaseIsland):
             self._books = Bookkeeper(self.books, *given, stored)
 
     def _at_gravity(self, interactions: Interactions) -> AbstractContextManager[None]:
-        """Where mistakes are told about bodies that are to follow orbits."""
+        """The place in the scenario for errors about bodies that follow orbits."""
         if not isinstance(self._method, WisdomHolmanMethod):
             return nullcontext()
         return self._scenario.at_interaction(self.names[gravity_among(interactions)])
 
     def _lay_again(self, place: Ints) -> None:
-        """Lay out all after births and deaths: what was in row k is in row `place[k]` now, and gone if that is −1."""
+        """Lay out all anew after births and deaths: row k has become row `place[k]`, and is gone if that is −1."""
         self._site = Site(self._scenario, self._joined.whole, self.states, began=False)
         if self.constraint is not None:
             self.constraint.lay_again(self._site, place)
@@ -117,7 +117,7 @@ class CoupledIsland(BaseIsland):
         return self._joined.cut(self.island_columns())
 
     def topology(self) -> list[Topology]:
-        """What a trajectory keeps of all interactions, in the order of the kernel, and then of what holds particles."""
+        """The topology of all interactions for a trajectory, in the order of the kernel, and then that of constraints."""
         ids = self._joined.whole.id
         found = [each.topology(name, ids) for name, each in zip(self.names, self.interactions, strict=True)]
         held = [] if self.constraint is None else self.constraint.topology(ids)

@@ -1,9 +1,9 @@
 """Particles in an order in which neighbours in space are neighbours in memory, for the steps of an interval.
 
-Whatever looks at particles from place to place reads lines of memory with eight of them, seven of which are of no use where
-neighbours in space are anywhere in memory, as after grains have been poured or stirred. So for many steps of many particles
-all columns are copied in the order of a curve, stepped there, and copied back. Interactions know their particles by other
-rows meanwhile (`Interaction.among`), and do the same in the same order: the bits are those of steps without it.
+A kernel that reads a particle's neighbours loads whole cache lines of eight particles each, seven of which are wasted where
+neighbours in space are scattered in memory, as after grains have been poured or stirred. So for many steps of many particles
+all columns are copied into the order of a space-filling curve, stepped there, and copied back. Interactions know their
+particles by other rows meanwhile (`Interaction.among`), and do the same in the same order: the bits are the same as without.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ class InSpace(NamedTuple):
 
     @classmethod
     def of(cls, layout: Layout, columns: Columns, steps: int) -> Self | None:
-        """What is worth it for some steps of an island: None where the order is good, or nobody knows a better one."""
+        """Another order, if it is worth it for so many steps of an island: None where the order is good, or no better one is
+        known."""
         if layout.count < WORTH_PARTICLES or steps < WORTH_STEPS or not layout.movable:
             return None
         rows = rows_in_space(layout)

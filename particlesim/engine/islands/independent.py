@@ -139,7 +139,7 @@ class IndependentIsland(BaseIsland):
         self._booking.book_legs(Legs(rows[order], begin[order], h[order], *states), columns, self._method)
 
     def _open(self, born: Births | None, step: int) -> Opened | None:
-        """The state at the beginning of a step whose work is booked; None where none is."""
+        """The state at the beginning of a step whose work is booked; None where work is not."""
         if self._booking is None or not self.state.count:
             return None
         columns, n = self.columns()[0], self.state.count
@@ -225,7 +225,7 @@ class IndependentIsland(BaseIsland):
         return Fault(0, row, step, unsolved=self._unsolved(row, first, step))
 
     def _unsolved(self, row: int, first: int, step: int) -> Unsolved | None:
-        """What was left of the equations of an implicit step, where they were not solved."""
+        """The residual of an implicit step whose equations were not solved."""
         if not isinstance(self._method, ImplicitMethod):
             return None
         columns, _, part = self.replay(row, first, step - first)

@@ -1,4 +1,4 @@
-"""Groups that step together, as stretches of one set of arrays."""
+"""Groups that step together, as contiguous parts of one set of arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the kernels of an island take for the particles that there are now: records, scratch, and every thread's share."""
+"""The arguments of an island's kernels for its present particles: records, scratch arrays, and every thread's share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Particles and rigid bodies that touch each other, or that springs and rods join: islands of their own, whose particles are
+"""Particles that touch rigid bodies, or that springs and rods join to them. They belong to islands of their own, and are
 guests among the bodies for a step (`engine.rigid.grains`, `engine.rigid.ties`)."""
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 class Surfaces(NamedTuple):
-    """What contact of a group of particles does, by group of bodies [groups]: whether they touch, restitution, static and
-    kinetic friction."""
+    """The contact of a group of particles, by group of bodies [groups]: whether they touch, restitution, static and kinetic
+    friction."""
 
     touch: Floats
     restitution: Floats
@@ -128,7 +128,7 @@ class Meetings:
         return self._bodies.hold_ends(step, touched=self._contact_work() != self._worked)
 
     def _note(self, state: GroupState, rows: Ints, shift: Floats, v: Floats) -> None:
-        """Let books know of what springs and rods do to particles before these make their own step."""
+        """Note for the account of work what springs and rods do to particles before these make their own step."""
         island = self._islands[state.name]
         if island.books is not None:
             before = takewhile(lambda each: each is not state, island.states)

@@ -1,4 +1,4 @@
-"""The state of an island at a moment, to be kept, changed beside it, and put back."""
+"""A copy of the state of an island at one time, to be kept, stepped on trial, and restored."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Spheres that overlap, of sizes as different as they may be.
+"""Pairs of spheres that overlap, for any ratio of sizes.
 
-Each class of sizes has a grid of its own, with cells as wide as two of its largest spheres. A sphere looks into the grids of
-its own class and of those above, so that it looks at 27 cells of each at most, whatever the ratio of the sizes. Cells are
-places in a hash table, as spheres may be far apart (M. Teschner, B. Heidelberger, M. Müller, D. Pomeranets, M. Gross,
-Optimized Spatial Hashing for Collision Detection of Deformable Objects, VMV 2003).
+Each class of sizes has a grid of its own, with cells as wide as two of its largest spheres. A sphere is looked up in the
+grids of its own class and of larger ones, in 27 cells of each at most. Cells are entries of a hash table, as spheres may be
+far apart (M. Teschner, B. Heidelberger, M. Müller, D. Pomeranets, M. Gross, Optimized Spatial Hashing for Collision
+Detection of Deformable Objects, VMV 2003).
 """
 
 from __future__ import annotations

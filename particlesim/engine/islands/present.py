@@ -1,5 +1,5 @@
-"""The potential energy of some of the particles of an island, as if the others were not there: what births and deaths in
-the middle of a step bring and take away."""
+"""The potential energy of some particles of an island without the others: the energy that births and deaths in the middle of
+a step add and remove."""
 
 from __future__ import annotations
 

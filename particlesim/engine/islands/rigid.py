@@ -62,7 +62,7 @@ from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
 DEEP = 10.0
-"""Overlap at the start that is told, in units of that which contacts leave alone."""
+"""Overlap at the start of which psim warns, in units of the overlap that contacts tolerate."""
 TRIED = 8
 """Overlaps at the start of which it is looked whether the body can get out."""
 ROOM = 16
@@ -117,7 +117,7 @@ class RigidIsland(BaseIsland):
         self.visitors: Visitors | None = None
         """Particles that make the next step among the bodies."""
         self.left: Left
-        """What became of them."""
+        """The visitors after the step."""
         if self._made:
             self._close()
 

@@ -1,4 +1,4 @@
-"""What acts on rigid bodies, as kernels take it: forces, colliders, joints, contact between groups, books."""
+"""What acts on rigid bodies, as kernels take it: forces, colliders, joints, contact between groups, totals of work."""
 
 from __future__ import annotations
 
@@ -121,8 +121,8 @@ def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) ->
 
 
 def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:
-    """What contact does between bodies of two groups: the smaller restitution, the geometric mean of frictions, the larger
-    rolling friction."""
+    """The contact between bodies of two groups: the smaller restitution, the geometric mean of frictions, the larger rolling
+    friction."""
     lively = np.array([group.restitution for group in groups])
     static, kinetic = np.array([group.coefficients for group in groups]).T
     return Surfaces(

@@ -1,11 +1,11 @@
-"""Soft particles that begin too deep in each other are put apart before the first step.
+"""Soft particles that overlap too much at the start are moved apart before the first step.
 
-A start that overlaps, such as places at random, holds an elastic energy that no contact has ever put there: it would fly
-apart. So places are changed, not velocities, until no pair overlaps by more than `LEFT` of its smaller radius: overlapping
-pairs are moved apart along their centres, in inverse proportion to their masses, all at once and again and again (Jacobi's
-iteration on the projections of position based dynamics; M. Müller, B. Heidelberger, M. Hennix, J. Ratcliff, J. Vis. Commun.
-Image Represent. 18, 109 (2007)). What makes a pair go less far, `BOLD` and `YIELD`, holds for both of it, so that the centre
-of mass stays; colliders put back what gets into them, and do move it.
+Overlaps at the start, as with random positions, hold elastic energy that no work has put there: the particles would fly
+apart. So positions are changed, not velocities, until no pair overlaps by more than `LEFT` of its smaller radius:
+overlapping pairs are moved apart along their centres, in inverse proportion to their masses, all at once and again and again
+(Jacobi's iteration on the projections of position based dynamics; M. Müller, B. Heidelberger, M. Hennix, J. Ratcliff, J.
+Vis. Commun. Image Represent. 18, 109 (2007)). The limits on the displacements of a pair, `BOLD` and `YIELD`, scale those of
+both particles alike, so that the centre of mass stays; colliders put back particles that get into them, which does move it.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ one has gone as far."""
 
 
 class Separation(NamedTuple):
-    """What was put apart: the interaction, how many pairs, how deep the deepest was, how far the furthest went, and how deep
-    the deepest is still [m]; whether that is more than it should be, for want of room."""
+    """The result of moving pairs apart: the interaction, the number of pairs, the largest overlap, the largest displacement,
+    the largest remaining overlap [m], and whether that is too large, for want of room."""
 
     label: str
     number: int
@@ -112,7 +112,7 @@ def _furthest(x: Floats, from_: Floats) -> float:
 
 
 def _holds(x: Floats, looked: Floats, r: Floats) -> bool:
-    """Whether nobody has gone so far since pairs were looked for that they may lack some."""
+    """Whether no sphere has moved so far since the search for pairs that some may be missing."""
     return bool((((x - looked) ** 2).sum(axis=1) < (AHEAD * r) ** 2)[r > 0].all())
 
 
@@ -125,7 +125,7 @@ def _lightness(state: GroupState) -> Floats:
 
 
 def _put_out(structure: Island, state: GroupState, x: Floats, r: Floats, free: Floats) -> None:
-    """What has got into colliders goes back to their surface; not what is held."""
+    """Put particles that are inside colliders back on their surface, except held ones."""
     member = [group.name for group in structure.groups].index(state.name)
     for collider in structure.colliders[member]:
         if collider.contact == "bounce":
@@ -181,7 +181,7 @@ def _measure(
 ) -> None:
     """Which of the pairs of spheres at x [n, 3] overlap (`those`); for each of these the direction from the second to the
     first and how far they are to go [m] (`ways`); `crowd`: for each sphere, the sum of the reduced masses of these pairs, as
-    a part of its mass: what is light beside it hardly counts; `found`: how many overlap, and by too much. `lengths`: of a
+    a part of its mass: a much lighter neighbour hardly counts; `found`: how many overlap, and by too much. `lengths`: of a
     periodic box, 0 along others."""
     end, deep = 0, 0
     for k in range(rows.size):

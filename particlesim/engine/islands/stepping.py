@@ -1,4 +1,4 @@
-"""Steps of an island whose particles act on each other: which kernel makes them, on how many threads."""
+"""Steps of an island whose particles act on each other: the choice of the kernel and of the number of threads."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Energy, momentum and work: sums over particles, and what forces have done."""
+"""Energy and momentum as sums over particles, and the work of forces."""

@@ -1,4 +1,4 @@
-"""How the accounts of `ledger.work` are kept while islands step, one step at a time."""
+"""The work of `ledger.work`, computed and added up while islands step, one step at a time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from particlesim.integrators import EmbeddedRungeKutta
 Floats = NDArray[np.float64]
 
 LENIENT = np.errstate(over="ignore", invalid="ignore")
-"""What runs away is found by those who look at the ledger."""
+"""Divergence is found where the ledger is checked."""
 
 
 class Opened(NamedTuple):
@@ -288,7 +288,7 @@ class IslandBooks:
 
     @LENIENT
     def book_dead(self, parts: Sequence[Columns], end: float) -> None:
-        """Book what those take away who are dead at the time `end` [s], beside what they have stored with others."""
+        """Book the energy of particles that are dead at the time `end` [s], without that stored with others."""
         for k, columns in enumerate(parts):
             dead = columns.clock.stop <= end
             if dead.any():
@@ -324,7 +324,7 @@ class IslandBooks:
     def _book_motion(
         self, moments: Sequence[Moment], forces: Sequence[Floats], ends: tuple[Columns, Columns], h: float
     ) -> None:
-        """What leads particles along their paths gives them their kinetic energy, and holds against all forces on them."""
+        """A motion along a path gives particles their kinetic energy, and balances all forces on them."""
         rows = self._driven
         if not rows.size:
             return

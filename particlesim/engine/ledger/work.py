@@ -1,16 +1,16 @@
-"""Work: the energy that particles get and lose other than from one potential to another, by cause.
+"""Work: the energy that particles gain and lose other than by exchange between kinetic energy and potentials, by cause.
 
 Between the beginning and the end of a step a particle is taken to move on the Hermite curve of both states and
-accelerations; with x̄ = (x₀ + x₁)/2 + h (v₀ − v₁)/8 and v̄ = (v₀ + v₁)/2 + h (a₀ − a₁)/8 in the middle, the work of a force is
-W = h (P₀ + 4 P̄ + P₁)/6, P = f·v, by Simpson's rule: of fourth order, so that what is left of the balance
+accelerations; with x̄ = (x₀ + x₁)/2 + h (v₀ − v₁)/8 and v̄ = (v₀ + v₁)/2 + h (a₀ − a₁)/8 in the middle, the work of a force
+is W = h (P₀ + 4 P̄ + P₁)/6, P = f·v, by Simpson's rule: of fourth order, so that the residual of the balance
 
     E(t) − E(0) − Σ W
 
 is the error of the integrator. A step of an adaptive method may be long, and brings its own quadrature: with the weights b
 of the method and the power at its stages, W = h Σ bᵢ Pᵢ is what the method would make of dW/dt = P, to its order.
 
-A step in which a particle may touch something is taken twice, with and without contact (an adaptive method tells its end
-without); the difference of the energies at its end is the work of contact. Nothing here changes the motion.
+A step in which a particle may touch something is taken twice, with and without contact (an adaptive method gives the end
+without contact itself); the difference of the energies at its end is the work of contact. Nothing here changes the motion.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Books:
         self.turned[cause] += abs(joule)
 
     def work_of(self, name: str) -> float:
-        """What a cause has given so far [J]; 0 of causes that there are not."""
+        """The work of a cause so far [J]; 0 for unknown causes."""
         return float(self.totals[self.names.index(name)]) if name in self.names else 0.0
 
     def spends(self, member: int) -> bool:

@@ -1,4 +1,4 @@
-"""Which bodies, colliders and particles may touch in a step, before anybody looks where."""
+"""The broad phase: pairs of bodies, colliders and particles that may touch in a step."""
 
 from __future__ import annotations
 

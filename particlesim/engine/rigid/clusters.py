@@ -1,6 +1,6 @@
-"""Which bodies depend on each other in a step: those that touch, or that joints hold together, are a cluster.
+"""Clusters of bodies that depend on each other in a step, as they touch or are joined by joints.
 
-Clusters are solved one by one, so that each takes as many sweeps as it needs, whatever else there is in the scene.
+Clusters are solved one by one, so that each takes as many sweeps as it needs itself.
 """
 
 from __future__ import annotations

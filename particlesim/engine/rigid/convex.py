@@ -1,14 +1,15 @@
-"""The distance of two convex pieces, or how deep they are in each other, and along which direction.
+"""The distance or the penetration depth of two convex pieces, and its direction.
 
-Apart, it is found by Gilbert, Johnson and Keerthi's search for the place of the difference A − B that is nearest to the
-origin. Where the pieces touch or overlap there is no such direction: a first one is that of the pieces drawn in towards
-their middles until they are apart; then A is moved out along it until it is a little apart, and the direction is found anew.
-Of all directions the right one changes no more, as the place of A − B that is nearest to a place outside stays the nearest
-while that place moves along its normal. So pieces that touch have a direction as exact as that of others.
+The distance of pieces that are apart is found by the algorithm of Gilbert, Johnson and Keerthi (GJK), which searches the
+Minkowski difference A − B for the point nearest to the origin. Where the pieces touch or overlap, that point gives no
+direction: a first one is that of the pieces shrunk towards their middles until they are apart; then A is moved out along it
+until there is a small gap, and the direction is found anew. The right direction is a fixed point of this iteration, as the
+point of A − B nearest to a point outside stays the nearest while the latter moves along its normal. So the direction is as
+exact for pieces that touch as for pieces apart.
 
 Sources: E. G. Gilbert, D. W. Johnson, S. S. Keerthi, IEEE J. Robot. Autom. 4, 193 (1988); G. van den Bergen, Collision
-Detection in Interactive 3D Environments, 2004, chapter 4; places on simplices: C. Ericson, Real-Time Collision Detection,
-2005, section 5.1.
+Detection in Interactive 3D Environments, 2004, chapter 4; nearest points of simplices: C. Ericson, Real-Time Collision
+Detection, 2005, section 5.1.
 """
 
 from __future__ import annotations

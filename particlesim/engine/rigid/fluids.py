@@ -4,9 +4,9 @@ Buoyancy at a surface of the fluid is its pressure p = ρ |g| d at the depth d o
 −∫ p r × n dA over triangles, cut at the surface of the fluid, are exact. As p is 0 there, it needs no lid. With e upwards
 the potential is U = ρ |g| ∫ d dV = −½ ρ |g| ∮ d² e·n dA (theorem of Gauss).
 
-Drag is −½ ρ c_d |u| u per area that the flow sees: of a triangle that moves into the fluid with the velocity u that is
-A n·u/|u|, of others nothing. A convex body that does not turn meets with the drag of its frontal area, whatever it turns to
-the flow; one that turns is braked.
+Drag is −½ ρ c_d |u| u per area across the flow, with u the velocity of a triangle relative to the fluid: A n·u/|u| for a
+triangle that faces the flow, n·u > 0, and 0 for others. So the drag on a convex body that does not rotate is that of its
+frontal area in any orientation, and a body that rotates is slowed down.
 
 Source: L. D. Landau, E. M. Lifshitz, Fluid Mechanics, §§ 2 and 45.
 """

@@ -2,13 +2,14 @@
 
 Those that may touch a body in a step are its guests: spheres among the bodies for that step, whose impulses are found
 together with those of all bodies and colliders (`solver`). So a grain on a box on a floor lies as still as another box
-would. What does not turn has an infinite moment of inertia.
+would. A guest that does not rotate has an infinite moment of inertia.
 
-The way of a guest, as a body sees it, is followed to where it touches. The distance from a convex piece is a convex function
-of the time on a straight way, so Newton's method comes there, and never beyond; thin bodies hold back fast particles. An
-impact at the time t is that of the two as they are then. As impulses are given in the middle of a step, both are moved
-afterwards to where they would be if they had been given at t: the body by −ΔV t, the guest by −Δv (h/2 + t), which its own
-method moves with its new velocity from the beginning of the step on. So momentum and angular momentum are kept to rounding.
+The path of a guest in the frame of a body is followed to the first contact. The distance from a convex piece is a convex
+function of time on a straight path, so Newton's method converges to that time and never passes it; thin bodies hold back
+fast particles. The contact points of an impact at the time t, counted from the middle of the step, are those at t. As
+impulses are given in the middle of the step, both are shifted afterwards to where they would be if the impulse had been
+given at t: the body by −ΔV t, the guest by −Δv (h/2 + t), as its own method moves it with its new velocity from the
+beginning of the step on. So momentum and angular momentum are kept to rounding.
 """
 
 from __future__ import annotations
@@ -177,7 +178,7 @@ def find_guests(guests: Any, b: Any, k: Any, motion: Any, slop: Any, h: Any) -> 
 
 
 def meet(guests: Any, k: Any, begin: Any, kind: Any, group: Any) -> None:
-    """What the contacts of a guest do."""
+    """The effect of the contacts of a guest."""
     for number in range(begin, k.number[0]):
         e, static = guests.restitution[kind, group], guests.static[kind, group]
         set_surface(k, number, e, static, guests.kinetic[kind, group])

@@ -1,5 +1,5 @@
-"""The joints and rods of bodies at the start: where their ends are in the frames of their bodies, which of them hang
-together, and the order and profile in which they are solved."""
+"""The joints and rods of bodies at the start: their ends in the frames of their bodies, their connected components, and the
+order and profile in which they are solved."""
 
 from __future__ import annotations
 

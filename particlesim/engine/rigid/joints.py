@@ -1,18 +1,18 @@
-"""Joints in kernels: places held after every drift (SHAKE), velocities along them taken away (RATTLE).
+"""Joints in kernels: positions corrected after every drift (SHAKE), velocities that violate joints removed (RATTLE).
 
 A joint keeps some functions of two bodies at zero: the three coordinates of the distance of its ends (ball), these and the
 two components of one axis across the other (hinge), or the length of the distance (rod). Their rates are rows
 
     u = n·(v₁ − v₂) + c₁·ω₁ − c₂·ω₂,   with c_k = r_k × n, or for the axes a of a hinge and p across it: n = 0, c_k = a × p
 
-of a matrix J. A drift of length h from a place that fits begins with impulses M⁻¹ Jᵀ λ such that its end fits, and ends with
-others that take away what the velocities there have along the rows. Free motion is symplectic, and so is this; forces and
-contacts act where everything fits, with velocities along the joints taken away (Reich). So joints hold to rounding at every
-moment that is seen, and the energy of bodies under joints swings within bounds.
+of a matrix J. A drift of length h from positions at which joints hold begins with impulses M⁻¹ Jᵀ λ such that joints hold at
+its end, and ends with others that remove the components of the velocities along the rows. Free motion is symplectic, and so
+is this; forces and contacts act where joints hold, on velocities without components along the rows (Reich). So joints hold
+to rounding at all positions that are used or written, and the energy of bodies under joints oscillates within bounds.
 
-All λ of bodies that hang together are solved for at once, by the factors of J M⁻¹ Jᵀ at the beginning of a drift
-(simplified Newton). Rows are ordered such that the matrix has a narrow profile. Rows that depend on others, as in closed
-loops of hinges, have vanishing pivots and get no impulse of their own: they hold because the others do.
+All λ of connected bodies are solved for at once, by the factors of J M⁻¹ Jᵀ at the beginning of a drift (simplified Newton).
+Rows are ordered such that the matrix has a narrow profile. Rows that depend on others, as in closed loops of hinges, have
+vanishing pivots and get no impulse of their own: they hold because the others do.
 
 Sources: J.-P. Ryckaert, G. Ciccotti, H. Berendsen, J. Comput. Phys. 23, 327 (1977); H. Andersen, ibid. 52, 24 (1983);
 S. Reich, SIAM J. Numer. Anal. 33, 475 (1996); A. Kol, B. Laird, B. Leimkuhler, J. Chem. Phys. 107, 2580 (1997); profiles:
@@ -54,7 +54,7 @@ DEPENDENT = 1e-11
 
 
 class Joints(NamedTuple):
-    """All joints, those that hang together one after the other.
+    """All joints, connected ones contiguous.
 
     For each: kind, both bodies (the second may be WORLD), its ends in the frames of its bodies (in the world for WORLD)
     [3, joints], the axis of a hinge in the frame of the first and two across it in that of the second [3, joints], the
@@ -218,7 +218,7 @@ def factorise(j: Any, b: Any, component: Any) -> None:
 
 
 def add_link(j: Any, b: Any, link: Any) -> None:
-    """What two joints do to each other through a body that they share."""
+    """The coupling of two joints through a body that they share."""
     late, early, body = link[0], link[1], link[4]
     sign, w = (1.0 if link[2] == link[3] else -1.0), b.w[body]
     mine, theirs = 3 + 3 * link[2], 9 + 3 * link[3]

@@ -2,10 +2,10 @@
 
     x += h v/2, orientation turns freely;  v += h f/m, L += h τ;  impulses at contacts;  x += h v/2, orientation turns freely
 
-Without contact that is the leapfrog of position, of second order, symplectic and reversible. Forces and contacts are looked
-for at the same moment, so a body that rests is exactly at rest: what forces give, contact takes within the same step.
+Without contact that is the leapfrog of position, of second order, symplectic and reversible. Forces and contacts act at the
+same time, so a body that rests is exactly at rest: contacts cancel the impulse of forces within the same step.
 
-What acts on bodies is in `acting`, which of them may touch in `broad`.
+Forces on bodies are in `acting`, the search for pairs that may touch in `broad`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Contacts of two convex pieces: where a face meets what looks at it, the corners of what they share.
+"""Contact points of two convex pieces: the corners of the intersection of a face with the feature that is opposite to it.
 
-Of two faces the one that separates the pieces better is taken, if it is as good as the direction of least distance; what
-looks at it, a face, an edge or a place, is clipped against its sides (Sutherland and Hodgman). Else edges cross, or
-something round touches, in one place.
+The reference face is the face of either piece that separates them better, if it does so as well as the direction of least
+distance; the opposite feature of the other piece, a face, an edge or a vertex, is clipped against its sides (Sutherland and
+Hodgman). Otherwise two edges cross, or a round surface touches, at one point.
 
 Sources: I. Sutherland, G. Hodgman, Comm. ACM 17, 32 (1974); C. Ericson, Real-Time Collision Detection, 2005, chapter 5.
 """

@@ -1,10 +1,10 @@
-"""Where two bodies touch, or are about to: points, normals and gaps, piece by piece.
+"""The narrow phase: points, normals and gaps where two bodies touch or are about to, piece by piece.
 
-Spheres and capsules are a point and a segment with a radius; the signed distance of a box is exact and convex, so the place
+Spheres and capsules are a point and a segment with a radius; the signed distance of a box is exact and convex, so the point
 of a segment that is nearest to a box is found by sections. Two boxes are tried along the fifteen directions that may
 separate them: of the faces of both, and of the products of their edges. Faces that touch are clipped against each other
-(Sutherland and Hodgman), crossing edges touch where they are nearest. All other pieces are convex, and that is all that is
-taken for granted (`manifold`).
+(Sutherland and Hodgman), crossing edges touch where they are nearest. Of all other pieces nothing but convexity is assumed
+(`manifold`).
 
 Sources: S. Gottschalk, M. Lin, D. Manocha, SIGGRAPH 1996 (fifteen axes); C. Ericson, Real-Time Collision Detection, 2005,
 chapters 4 and 5; I. Sutherland, G. Hodgman, Comm. ACM 17, 32 (1974).
@@ -258,8 +258,8 @@ def box_box(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> N
 
 
 def nearly_face(ri: Any, rj: Any, which: Any, first: Any, second: Any) -> bool:
-    """Whether what is across two edges is nearly across the best face too. That face is what touches then: one point would
-    let boxes that lie on each other rock, and sink."""
+    """Whether the normal of two edges is nearly that of the best face. Then the face is in contact: one point would let
+    boxes that lie on each other rock, and sink."""
     n, face = cross_of(column(ri, first), column(rj, second)), column(ri, which)
     if which >= 3:
         face = column(rj, which - 3)

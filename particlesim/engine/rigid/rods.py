@@ -1,4 +1,4 @@
-"""The rods that bodies hold at the start: those at bodies, and those between particles that hang on them by rods."""
+"""The rods solved together with bodies: those at bodies, and those between particles that rods connect to bodies."""
 
 from __future__ import annotations
 

@@ -1,11 +1,10 @@
-"""Rolling friction, as contacts that turn bodies: beside a contact of pressure N, a moment of up to μ_r R N about the axes
-along the surface.
+"""Rolling friction: a contact of normal force N also has a moment of up to μ_r R N about the axes along the surface.
 
 Its rows have no direction and the arms R a for the two tangents a, so that their speeds are those of rolling, R (ω₁ − ω₂)·a,
 and their impulses are bounded as those of sliding friction are, |P_r| ≤ μ_r P_n.
 
-R is the height of the centre above the place that touches: the radius of a ball. Between two bodies it is R₁ R₂/(R₁ + R₂),
-as between grains, and of what is round on what is flat its own; μ_r is the larger of both.
+R is the height of the centre above the contact point: the radius of a ball. Between two round bodies it is R₁ R₂/(R₁ + R₂),
+as between grains, between a round and a flat one that of the round one; μ_r is the larger of both.
 """
 
 from __future__ import annotations

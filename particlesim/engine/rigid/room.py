@@ -1,4 +1,4 @@
-"""Whether a body that begins inside of colliders can get out of them: by a shift, as it is turned."""
+"""Whether a body that begins inside colliders can be shifted out of them, without rotation."""
 
 from __future__ import annotations
 

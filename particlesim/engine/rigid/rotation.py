@@ -1,12 +1,12 @@
-"""Rotation of rigid bodies: orientations as unit quaternions, and the motion of a body that turns freely.
+"""Rotation of rigid bodies: orientations as unit quaternions, and the motion of a body that rotates freely.
 
 An orientation q = (w, x, y, z) takes vectors from the frame of a body, whose axes are its principal ones, to that of the
-world: a ↦ q a q*. What a step keeps is the angular momentum L in the world, which only torques change, so that free bodies
-keep it to the last digit. Their turning is split into turns about the three principal axes, each of which is exact,
+world: a ↦ q a q*. The state has the angular momentum L in the world, which only torques change, so that free bodies conserve
+it exactly. Their rotation is split into rotations about the three principal axes, each of which is exact,
 
-    Φ₁(h/2) Φ₂(h/2) Φ₃(h) Φ₂(h/2) Φ₁(h/2),   Φ_k(h): a turn by h L_k/I_k about axis k,
+    Φ₁(h/2) Φ₂(h/2) Φ₃(h) Φ₂(h/2) Φ₁(h/2),   Φ_k(h): a rotation by h L_k/I_k about axis k,
 
-of second order, symplectic and reversible: the energy swings within bounds and does not drift.
+of second order, symplectic and reversible: the energy oscillates within bounds and does not drift.
 
 Source: A. Dullweber, B. Leimkuhler, R. McLachlan, J. Chem. Phys. 107, 5840 (1997).
 """

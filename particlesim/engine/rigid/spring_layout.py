@@ -1,4 +1,4 @@
-"""Springs at bodies at the start: between which points they are, and how stiff; and as lines, for a trajectory."""
+"""Springs at bodies at the start: their end points, their stiffness, and their lines in a trajectory."""
 
 from __future__ import annotations
 

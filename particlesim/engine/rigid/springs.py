@@ -1,7 +1,7 @@
 """Springs between points of bodies, or from a point of a body to one of the world or to a particle.
 
-The law is that of springs between particles (`bonds.spring`, `bonds.strut`), for l the way from the second point to the
-first; its force acts where the points are, and turns bodies by r × f.
+The law is that of springs between particles (`bonds.spring`, `bonds.strut`), for l from the second point to the first; its
+force acts at the points, with the torque r × f on bodies.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""The largest stable step under springs between points of bodies, as they are at one moment.
+"""The largest stable step under springs between points of bodies, in the present state.
 
-With the rows J of all springs, directions and moments at both ends, the stretches obey s̈ = −J M⁻¹ Jᵀ (k s + c ṡ): its
-largest ω² and γ are those of the matrices with √(k_i k_j) and √(c_i c_j). The leapfrog with kicks by the midpoint rule stays
-bounded while h² ω²/4 + h γ/2 ≤ 1 (both ω h ≤ 2 and γ h ≤ 2 where there is the other one only).
+With J the Jacobian of the stretches s of all springs (a row has the direction of a spring and its moments at both ends),
+s̈ = −J M⁻¹ Jᵀ (k s + c ṡ). The largest ω² and γ are the largest eigenvalues of J M⁻¹ Jᵀ with entries times √(k_i k_j) and
+times √(c_i c_j). The leapfrog with kicks by the midpoint rule stays bounded while h² ω²/4 + h γ/2 ≤ 1: ω h ≤ 2 without
+damping, γ h ≤ 2 without stiffness.
 """
 
 from __future__ import annotations

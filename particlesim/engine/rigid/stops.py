@@ -1,10 +1,10 @@
-"""Limits and motors of joints, as contacts that turn bodies: their row has no direction and the arms a for an axis a.
+"""Limits and motors of joints, as contacts with a moment: their row has no direction and the arms a for an axis a.
 
 With θ the angle of the first body against the second about a, u = a·(ω₁ − ω₂) its rate. A limit is a contact whose gap is
-the angle that is left; a motor is one that is to reach u = ω₀ with an impulse of at most τ h, either way. The cone of a
+the remaining angle; a motor is one that drives u to ω₀ with an impulse of at most τ h, in either direction. The cone of a
 ball joint bounds the angle φ between an axis of the first body and one of the second: with a along a₁ × a₂, u = −dφ/dt.
 
-They are found with all other contacts, and joints do the rest: what a motor turns is what hangs on it.
+Their impulses are found together with those of contacts, and joints transmit them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ LIMIT, MOTOR, ROLL = 1, 2, 3
 NUMBERED = 1 << 52
 """First number for their features."""
 WATCHED = 0.02
-"""Angle from a limit within which it is looked at, beside what a step may bring [rad]."""
+"""Angle from a limit within which it counts, in addition to the change in a step [rad]."""
 
 
 class Stops(NamedTuple):
@@ -136,7 +136,7 @@ def lay_axis(k: Any, motion: Any, c: Any, d: Any, a: Any) -> None:
 
 @outlined
 def motor_work(k: Any, means: Any) -> float:
-    """What motors have given [J] to bodies that move with the means of their velocities before and after."""
+    """The work of motors [J] on bodies that move with the means of their velocities before and after."""
     total = 0.0
     for c in range(k.number[0]):
         if k.turns[c] == MOTOR:

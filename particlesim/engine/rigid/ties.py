@@ -1,16 +1,17 @@
 """Springs and rods from bodies to particles of other islands.
 
-Such particles are guests among the bodies in every step, as those that touch bodies are (`grains`). What else acts on them
-is a force in the middle of that step, as large as it was in the last one; then it is taken back, and the particle makes its
-own step with the velocity that springs and rods have given it, from where it comes to the same end.
+Such particles are guests among the bodies in every step, as those that touch bodies are (`grains`). All other forces on them
+are estimated from the last step and act in the middle of this one; then that estimate is taken back, and the particle makes
+its own step with the velocity change Δv that springs and rods have given it. That step starts from a shifted position, so
+that it ends where an impulse in the middle of the step would have led.
 
-A spring gives both ends the impulse h f, with f where both are in the middle of the step; the particle goes back by h Δv/2.
-So momentum and angular momentum are kept to rounding, and the step is of second order: of its terms h² [A, S]/2 with the
-spring S and whatever else A moves particles nothing is left.
+A spring gives both ends the impulse h f, with f at their positions in the middle of the step; the particle is shifted by
+−h Δv/2. So momentum and angular momentum are kept to rounding, and the step is of second order: the commutator terms
+h² [A, S]/2 cancel, where S is the spring and A everything else that moves the particle.
 
-A rod misses its length after that by what has changed in A since the last step. So once all have made their steps, bodies
-and the particles on rods go back freely to the middle of the step, get impulses along the rods there, and come forth again,
-such that rods and joints fit at the end (`hold_ends`): again nothing but impulses between places of one moment.
+After that a rod misses its length by as much as A has changed since the last step. So once all have made their steps, bodies
+and the particles on rods drift back to the middle of the step, get impulses along the rods there, and drift forward again,
+such that rods and joints fit at the end (`hold_ends`): here, too, impulses act between positions at the same time.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ class Ties:
             if led:
                 raise UsageError(
                     f"a motion leads particle {led[0]} of {name!r}, which springs or rods join to bodies: the work of "
-                    "such a motion is not booked",
+                    "such a motion is not recorded",
                     "leave out work under [output], or lead another particle of the group",
                 )
 
@@ -109,7 +110,8 @@ class Ties:
             self.gained[name][0][:, self.rows[name]] += state.v[:, self.rows[name]]
 
     def unforeseen(self) -> float:
-        """What rods have taken more than they gave [J], as velocities have changed otherwise than was awaited: Δv m δ/2."""
+        """The energy that rods have taken in excess [J], as velocities have changed by δ more than was expected:
+        Δv m δ/2."""
         chosen = self.on_rods()
         came = np.concatenate([self.gained[state.name][0][:, rows] for state, rows in chosen], axis=1)
         mass = np.concatenate([state.mass[rows] for state, rows in chosen])

@@ -1,4 +1,4 @@
-"""Particles among the bodies for a step, and what has become of them."""
+"""Particles that are guests among the bodies for a step, and their positions and velocities after it."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def fill(whole: Bodies, b: Bodies, visitors: Visitors) -> None:
 
 
 def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
-    """What has become of visitors in a step of length h."""
+    """The visitors after a step of length h."""
     part, held = slice(guests.first, None), visitors.held
     x, end, spin = whole.x[:, part], whole.v[:, part], whole.spin[:, part]
     v = end - visitors.gain

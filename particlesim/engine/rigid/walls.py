@@ -1,13 +1,13 @@
 """Contacts of bodies with colliders, through the gap and the normal that every shape of a collider gives.
 
-A sphere is its centre with a radius, a capsule its two ends and, where a collider is not flat, the place between them that
-is nearest; a box is its corners and, likewise, the nearest place of each edge; so is a hull. A ball that touches the inside
-of a face is found from its centre; what else touches it there, as the corner of another box, by projections in turn onto the
-face and onto the collider, drawn in a little so that the two stay apart (W. Cheney, A. Goldstein, Proc. Am. Math. Soc. 10,
-448, 1959). The rims of cylinders and cones are eight places around, the first of them the lowest.
+A sphere is its centre with a radius, a capsule its two ends and, where a collider is not flat, the nearest point between
+them; a box or a hull is its corners and, likewise, the nearest point of each edge. Contact in the interior of a face is
+found from the centre of a spherical collider; with other shapes, as the corner of another box, by alternating projections
+onto the face and onto the collider, both shrunk a little so that they stay apart (W. Cheney, A. Goldstein, Proc. Am. Math.
+Soc. 10, 448, 1959). The rims of cylinders and cones are eight points around, the first of them the lowest.
 
-The surface of a collider that moves carries its velocity into the contact, all of it; that of a belt, which runs along
-itself, only what is along the surface.
+A moving collider contributes the velocity of its surface to the relative velocity of a contact; a belt only the component
+along the surface.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ FLAT = (PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord)
 SECTIONS = 24
 """Golden sections of an edge."""
 TURNS = 40
-"""Projections in turn onto a box and a collider."""
+"""Alternating projections onto a box and a collider."""
 DRAWN_IN = 0.25
 """How far a collider is drawn in for them, in units of the smallest half edge of the box."""
 

@@ -1,9 +1,10 @@
-"""The work on bodies that no potential accounts for, booked step by step.
+"""The work on bodies that no potential accounts for, entered in the ledger step by step.
 
-In the middle of a step forces and impulses change velocities from v₀ to v₁, and the kinetic energy by Σ (h f + P)·v̄ with
-v̄ = (v₀ + v₁)/2, to the last digit; that of uniform gravity is what its potential loses on the way of the step, h v̄. So
-forces without a potential and dampers give h f·v̄, with the forces that the kick has, and contacts P·v̄. Joints do no work,
-as both v₀ and v₁ are along them. Contact also gives what bodies gain in height where they are pushed apart.
+In the middle of a step forces f and impulses P change velocities from v₀ to v₁, and the kinetic energy by exactly
+Σ (h f + P)·v̄ with v̄ = (v₀ + v₁)/2. Of this, the work of uniform gravity equals what its potential loses over the
+displacement h v̄ of the step. So the work of forces without a potential and of dampers is h f·v̄, with the forces of the
+kick, and that of contacts is P·v̄. Joints do no work, as both v₀ and v₁ satisfy them. The work of contact includes the
+potential energy that bodies gain where overlaps push them up.
 """
 
 from __future__ import annotations

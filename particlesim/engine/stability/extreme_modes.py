@@ -1,7 +1,7 @@
 """Bounds on the modes of a network of couplings, and its extreme modes.
 
-On coordinates y = √m x the couplings of an island are symmetric matrices; single ones bound the largest eigenvalue of all
-(`Coupling.loads`), and Lanczos iteration finds modes near both ends of the spectrum.
+On coordinates y = √m x the couplings of an island are symmetric matrices; sums over the couplings of single particles bound
+the largest eigenvalue (`Coupling.loads`), and Lanczos iteration finds modes near both ends of the spectrum.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The largest stable step of a world at its present state: of every island, by force and with all forces together.
+"""The largest stable step of a world in its present state, for every island: of each force, and of all forces together.
 
-What decides are the modes of the linearised island (`engine.stability.linearised`) and the stability region of its method
-(`integrators.regions`). Forces change as particles move: the limit holds near the state that was looked at.
+It follows from the modes of the linearised island (`engine.stability.linearised`) and the stability region of its method
+(`integrators.regions`). Forces change as particles move: the limit holds near the state at which it was computed.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class IslandStability:
     """How much shorter a step is surely stable however its bodies crumple, as a factor."""
 
     def warning(self, dt: float) -> str | None:
-        """What to tell whoever is about to run with steps of dt [s]; None where there is nothing to fear."""
+        """The warning for a run with steps of dt [s]; None where they are stable."""
         name = " and ".join(repr(group) for group in self.groups)
         if not self.growth > math.log10(TOLERATED):
             if self.folds <= 1 or not dt * self.folds > self.step > 0:

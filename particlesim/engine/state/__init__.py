@@ -1,1 +1,1 @@
-"""Particles as arrays: columns, births and deaths, particles that are led."""
+"""Particles as arrays: columns, births and deaths, particles on prescribed paths."""

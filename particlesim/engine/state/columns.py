@@ -42,7 +42,7 @@ class Clock(NamedTuple):
 
 class Spin(NamedTuple):
     """The angular velocity of spheres [rad/s], and the angle by which each has turned since its step began [rad], which is
-    zero between steps: what has rolled on another since then."""
+    zero between steps: contacts need it for rolling within the step."""
 
     wx: Any
     wy: Any
@@ -55,8 +55,8 @@ class Spin(NamedTuple):
 class Columns(NamedTuple):
     """The arrays of a group, or their slices for a block. `further` are further attributes in the order of their table,
     each None where no law reads it; `spin` is None where particles do not turn; `missed` how many colliders a particle has
-    passed unseen, None where none can be; `hit` the first impact of the present step, in the order of `HIT`, empty where
-    nobody hears of it."""
+    passed unseen, None where none can be; `hit` the first impact of the present step, in the order of `HIT`, empty where no
+    emitter reacts to it."""
 
     x: Any
     y: Any
@@ -228,7 +228,7 @@ def chosen(condition: Any, p: Any, q: Any) -> Any:
 
 
 def recall(memory: Any, i: Any) -> Any:
-    """What the method remembers of particle i: element i of every array of the tuple."""
+    """The method's memory of particle i: element i of every array of the tuple."""
     return tuple(array[i] for array in memory)
 
 

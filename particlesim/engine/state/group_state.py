@@ -1,7 +1,7 @@
 """The particles of one group as arrays, and their births and deaths.
 
 Structure of arrays: position and velocity [3, capacity], everything else [capacity]; the first `count` are there.
-Which there are says `engine.state.table`. Columns that nothing uses are never touched, so they take no memory.
+`engine.state.table` lists the columns. Those that nothing uses are never touched, so they take no memory.
 """
 
 from __future__ import annotations
@@ -267,7 +267,7 @@ class GroupState:
         return deaths
 
     def take_impacts(self) -> NDArray[np.float64]:
-        """The impacts that somebody hears of since they were last taken, shape [len(HIT) + 2, k]: as `table.HIT`, then
+        """The impacts to which emitters react, since they were last taken, shape [len(HIT) + 2, k]: as `table.HIT`, then
         radius and id of what hit, in the order of time."""
         if HEARD not in self.parts:
             return np.empty((len(HIT) + 2, 0))

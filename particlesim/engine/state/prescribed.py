@@ -1,4 +1,4 @@
-"""Pinned particles that are led along paths: where they are, and how fast, at any time."""
+"""Pinned particles on prescribed paths: their positions and velocities at any time."""
 
 from __future__ import annotations
 

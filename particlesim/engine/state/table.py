@@ -1,6 +1,7 @@
-"""The table of columns: what a group keeps of every particle.
+"""The table of columns: the quantities that a group has for every particle.
 
-State, blocks, what steps keep and put back, snapshots, checkpoints, births, deaths, growth and joining follow from it.
+State, blocks, copies from which steps are repeated, snapshots, checkpoints, births, deaths, growth and joining follow from
+it.
 """
 
 from __future__ import annotations
@@ -54,11 +55,11 @@ WATCHED = "watched"
 """Part of groups that may pass a collider unseen."""
 
 HEARD = "heard"
-"""Part of groups whose impacts somebody hears of."""
+"""Part of groups to whose impacts an emitter reacts."""
 
 HIT = ("time", "collider", "speed", *("x", "y", "z"), *("nx", "ny", "nz"), *("vx", "vy", "vz"))
-"""What is known of an impact: when [s], the number of the collider, the speed along its normal relative to it [m/s], the
-place of the particle [m], the normal, and the velocity before it [m/s]."""
+"""The columns of an impact: time [s], the number of the collider, the speed along its normal relative to it [m/s], the place
+of the particle [m], the normal, and the velocity before it [m/s]."""
 
 TABLE: tuple[Column, ...] = (
     Column("x", "m", ("x", "y", "z"), rows=3, changes=True),

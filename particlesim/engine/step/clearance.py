@@ -1,8 +1,8 @@
-"""How far particles surely are from colliders whose gaps take a search, so that the next steps need not look.
+"""Lower bounds on the distances of particles from colliders whose gaps take a search, so that most steps need none.
 
-A gap changes no faster than the place. So a particle that is farther from all colliders than it moves in a step meets none
-of them, and after the step is farther away than the difference. That holds for whole runs of steps, from one look; it says
-only which steps are free, and a free step is the same however that is known.
+A gap changes by no more than the displacement. So a particle whose distance from all colliders is larger than its
+displacement in a step meets none of them, and after the step the difference is a bound again. One search thus covers many
+steps. It decides only which steps are free of contact, and a free step has the same bits whichever way that was found out.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def sets_aside(contacts: Any, memory: Any) -> bool:
 
 
 def without_crossable(program: Any) -> Program:
-    """What is left for a particle that is set aside: its step has the same bits."""
+    """The program without colliders that paths may cross, for a particle far from them: its step has the same bits."""
     contacts = program.contacts
     left = Careful(
         tuple(c for c in contacts.continuous if not crossable(c)),
@@ -129,8 +129,8 @@ def stands(foothold: Any, i: Any, p: Any, q: Any) -> Any:
 
 def repeats(contacts: Any, memory: Any) -> bool:
     """Whether a step that ends where and as fast as it began does so again under the same forces, and it is worth it to
-    remember that: some collider is no plane, all are at rest, nobody hears of impacts, and nothing but steps moves particles
-    or changes what their method remembers."""
+    remember that: some collider is no plane, all are at rest, no emitter reacts to impacts, and nothing but steps moves
+    particles or changes what their method remembers."""
     colliders = contacts.continuous + contacts.discrete
     still = not any(isinstance(c.shape, MovingRecord) or c.response.heard is not None for c in colliders)
     slow = any(crossable(c) for c in contacts.continuous)
@@ -139,7 +139,8 @@ def repeats(contacts: Any, memory: Any) -> bool:
 
 def leads_back(ways: Any, i: Any, q: Any, t: Any) -> Any:
     """Whether the last step of particle i, until t, ended as it began, and its free step was the one to q, to the last bit:
-    then so does this one. What lies in a crease needs a dozen searches in every step otherwise, and all find the same."""
+    then so does this one. A particle in a crease would otherwise need a dozen searches in every step, with the same result
+    each time."""
     same = (ways[0, i] == q.x) & (ways[1, i] == q.y) & (ways[2, i] == q.z)
     same &= (ways[3, i] == q.vx) & (ways[4, i] == q.vy) & (ways[5, i] == q.vz)
     return same & (ways[6, i] == t)

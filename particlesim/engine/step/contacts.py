@@ -1,4 +1,4 @@
-"""What colliders particles may touch, and what is asked of all of them: gaps, and what in them is rounding."""
+"""The colliders that a particle may touch, and functions of all of them: smallest gaps, and their rounding errors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Careful(NamedTuple):
     """Colliders that need more: a time of impact (continuous), or several passes in a corner.
 
     `resting` are the continuous ones without rebound; `tolerance` is the relative rounding error of a position, and `reach`
-    the size of the numbers beside it that gaps are made of [m].
+    the size of the other numbers from which gaps are computed [m].
     """
 
     continuous: tuple[Any, ...]
@@ -38,7 +38,7 @@ class Careful(NamedTuple):
 
 
 def meet(colliders: Any, p: Any) -> Any:
-    """The particle after every collider in turn, and the strongest outcome."""
+    """The particle after every collider, one after the other, and the strongest outcome."""
     if len(colliders) == 0:
         return p, PASS
     if len(colliders) == 1:

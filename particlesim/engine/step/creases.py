@@ -1,9 +1,10 @@
 """Lasting contact in a crease: where two colliders meet, or two parts of one shape.
 
-Two contact forces cancel what presses, and friction of both acts along the crease as on one surface (`resting`).
+Two contact forces cancel the force into both surfaces, and the friction of both acts along the crease as on one surface
+(`resting`).
 
-A shape with dents tells one gap and one normal at a time. What rests in a crease of it touches two or three parts; these are
-found by looks a little way into the shape, and taken as planes.
+A shape with dents gives one gap and one normal at a time. A particle that rests in a crease of it touches two or three
+parts; these are found by evaluating gaps at points a little way inside the shape, and are taken as planes.
 """
 
 from __future__ import annotations

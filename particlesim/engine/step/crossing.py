@@ -1,4 +1,4 @@
-"""Whether the way of a step crosses a collider, such as a ball or a thin sheet: on a parabola, or the chord of a glide."""
+"""Whether the path of a step crosses a collider, such as a ball or a thin sheet: a parabola, or a chord when it slides."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Impacts that others hear of: the first of a particle in a step."""
+"""Impacts that emitters react to: the first of a particle in a step."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Hit(NamedTuple):
 
 
 def silence(colliders: Any, p: Any) -> Any:
-    """No impact; None where nobody would hear of one."""
+    """No impact; None where no emitter would react to one."""
     if all(c.response.heard is None for c in colliders):
         return None
     zero = p.x - p.x

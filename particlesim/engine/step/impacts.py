@@ -5,11 +5,11 @@ right angles to each other, need nothing more (`Simple`), and the loop over a bl
 (`Careful`) the few particles that end a step inside a collider, or cross one on the way, are stepped again one by one by
 `trace`.
 
-What lies on colliders moves on along them (`resting`); only true impacts need a search. In the loop over a block `rest`
-takes such particles through their step, in vectors.
+Particles that lie on colliders rest or slide there (`resting`); only impacts need a search. In the loop over a block `rest`
+takes them through their step, in vectors.
 
-Whether a way crosses a collider, such as a ball or a thin sheet, and comes out of it again is seen on the parabola from
-its beginning to its end (`particlesim.colliders.way`).
+Whether a path goes into a collider, such as a ball or a thin sheet, and comes out again is found on the parabola from its
+beginning to its end (`particlesim.colliders.way`).
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ MAX_HALVINGS = 80
 """Bound on the search for the time of impact; bisection alone would end after 53."""
 
 LIVELY, CALM, SURE = 0, 1, 2
-"""What a particle that touches does: rebound; lie, if its hops are shorter than the step; lie in any case."""
+"""What happens to a particle that touches: it rebounds; lies, if its hops are shorter than the step; lies in any case."""
 
 
 def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
@@ -107,7 +107,7 @@ def keeps_still(contacts: Any) -> bool:
 
 
 def stay(contacts: Any, p: Any, q: Any, h: Any) -> Any:
-    """As `rest`, in half of its time, of what has lain still on one plane before. It is not sure of others."""
+    """As `rest`, in half of its time, for particles that were at rest on one plane before; of others it is not sure."""
     slack, r = rounding_of_step(contacts, p, q, h), q
     on: tuple[Any, ...] = ()
     for c in contacts.continuous:
@@ -279,7 +279,7 @@ def _reached(
     """The particle in the collider that it crosses at the time `late`, and whether its method brought it there.
 
     A step to that time may lead elsewhere than the parabola, by its error of third order: beside the collider, or behind it.
-    Then the parabola is right, as no way may lead through anything.
+    Then the parabola is right, as no path may lead through a collider.
     """
     q, _, on, _ = _glide(method, dynamics, forces, contacts, p, late, memory, calm)
     there = moved_to(q, place.x, place.y, place.z, q.vx, q.vy, q.vz, q.t)
@@ -292,8 +292,9 @@ def _reached(
 
 @outlined
 def _lying(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
-    """How long a particle lies that touches, is pressed on, and leaves before the end of a time h, as what slides over an
-    edge; and the particle then. The longest of h/2, h/4 ... that ends on the surface without meeting anything, 0 if none."""
+    """How long a particle lies that touches, is pressed on, and leaves before the end of a time h, as one that slides over
+    an edge; and the particle then. The longest of h/2, h/4 ... that ends on the surface without meeting anything, 0 if
+    none."""
     half = type_of(h, 0.5)
     part, found, r = h, h - h, p
     for _ in range(MAX_HALVINGS):
@@ -310,7 +311,7 @@ def _lying(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
 @outlined
 def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
     """One step of one particle from impact to impact: the particle, the method's memory, the outcome, and the first impact
-    that somebody hears of (None where nobody would).
+    to which an emitter reacts (None where none would).
 
     The particle's time is where its step ended: before t + h when it stuck or died.
     """

@@ -1,4 +1,4 @@
-"""On which colliders a particle lies, and its step there: on one, in the crease of a shape, or on several in turn."""
+"""The colliders on which a particle lies, and its step there: on one, in the crease of a shape, or on several one by one."""
 
 from __future__ import annotations
 

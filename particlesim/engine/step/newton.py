@@ -1,7 +1,7 @@
-"""Implicit steps of particles that step alone: Newton's method with exact 3 × 3 Jacobians.
+"""Implicit steps of independent particles: Newton's method with exact 3 × 3 Jacobians.
 
 The unknown is the velocity V at a time t + c h, with X = X₀ + γ h V. A particle for which no solution is found becomes NaN,
-so that the block is put back and the step looked for; `unsolved` then tells what was left.
+so that its block is restored and the step that failed is found; `unsolved` then gives the residual and the iterations.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Start(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """The particle at the solved time, whether it solves the equations, what is left of the residual, and iterations."""
+    """The particle at the solved time, whether it solves the equations, the relative residual, and iterations."""
 
     particle: Any
     solved: bool
@@ -81,7 +81,7 @@ def new_state(ahead: Any, p: Any, q: Any, t: Any) -> Any:
 
 
 def recollected(memory: Any, p: Any, q: Any, h: Any) -> Any:
-    """What a method with a past remembers: how far the particle came, and the step."""
+    """The memory of a two-step method: the changes of position and velocity, and the step."""
     if len(memory) == 0:
         return memory
     return (
@@ -232,7 +232,7 @@ def solved(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any)
 
 @kernel
 def unsolved(program: Any, c: Any, i: Any, t: Any, end: Any, dt: Any) -> Any:
-    """What is left of the residual, and iterations, where particle i has no solution in the step; (0, 0) where it has."""
+    """The relative residual, and iterations, where particle i has no solution in the step; (0, 0) where it has."""
     begin, h = span(c.clock, i, t, end, type_of(c.x[i], dt))
     p = fetch(c, i, begin)
     found = solved(program.method, program.dynamics, program.forces, p, h, recall(c.memory, i))

@@ -197,8 +197,8 @@ def verlet(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any)
 
 
 class BentRecord(NamedTuple):
-    """A way that another method has led: the velocity changes by `turn` in a unit of time [m/s²], and the place at a time s
-    after the beginning is s² `bend` [m/s²] beside the straight line."""
+    """The path of a step by another method: the velocity changes by `turn` in a unit of time [m/s²], and the position at a
+    time s after the beginning is s² `bend` [m/s²] off the straight line."""
 
     turn: Any
     bend: Any

@@ -9,7 +9,7 @@ BLOCK = 256
 
 
 class Program(NamedTuple):
-    """What is compiled: method, dynamics, forces and contacts, as records."""
+    """The program for which kernels are compiled: method, dynamics, forces and contacts, as records."""
 
     method: tuple[Any, ...]
     dynamics: tuple[Any, ...]

@@ -52,8 +52,8 @@ def contacts_record(
     *,
     smooth: bool = False,
 ) -> Simple | Careful:
-    """What the particles of a group may touch, in the simplest form that is right. `heard` are the numbers of those at which
-    somebody hears of impacts, None for others; none unless given. `smooth`: without friction."""
+    """What the particles of a group may touch, in the simplest form that is right. `heard` are the numbers of those to whose
+    impacts emitters react, None for others; none unless given. `smooth`: without friction."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
         bounds = (edge(*group.die.outside),)
@@ -84,22 +84,22 @@ def contacts_record(
 
 
 def _numbered(c: ColliderRecord, number: int | None) -> ColliderRecord:
-    """The same collider, with impacts that somebody hears of under a number."""
+    """The same collider, with a number for emitters that react to its impacts."""
     return c._replace(response=c.response._replace(heard=number))
 
 
 def without_rebound(c: ColliderRecord) -> ColliderRecord:
-    """The same collider for what lies on it."""
+    """The same collider for particles that lie on it."""
     return c._replace(response=c.response._replace(bounce=min(c.response.bounce, 1.0), falling=None))
 
 
 def without_friction(c: ColliderRecord) -> ColliderRecord:
-    """The same collider for what has no inertia, and so no momentum to lose, or loses it by turning."""
+    """The same collider without friction, for particles without inertia, and for those that rotate (`rubbing`)."""
     return c._replace(response=c.response._replace(friction=None, belt=None))
 
 
 def without_yielding(c: ColliderRecord) -> ColliderRecord:
-    """The same collider for what has no inertia, and is put back at once."""
+    """The same collider for particles without inertia, which are put back at once."""
     return c._replace(response=c.response._replace(yielding=None))
 
 

@@ -1,15 +1,16 @@
 """Lasting contact: the step of a particle that lies on a collider, in closed form.
 
-A particle lies where it touches a collider and forces move it in, not its own velocity (`lies`). The contact force then
-cancels what presses. Over the step it gives the normal impulse over mass J = −(v·n) of the free end, which is put back on
-the surface without rebound. Friction acts as a constant force of the step, with v the velocity along the surface relative to
-it, v₀ at its beginning and a h = v₁ − v₀ the change that the other forces make:
+A particle lies on a collider where it touches it and forces, not its own velocity, move it in (`lies`). The contact force
+then cancels the force into the surface. Over the step it gives the normal impulse per mass J = −(v·n), with v the velocity
+at the end of a step without contact; that end is put back on the surface without rebound. Friction acts as a constant force
+during the step. With v the velocity along the surface relative to it, v₀ at the beginning and a h = v₁ − v₀ its change by
+the other forces,
 
-- what is at rest stays at rest, to the last bit, as long as |a h| ≤ μ_s J; beyond that it starts in the direction of a;
-- what slides loses μ_k J against its direction, and stops in mid-step where that is more than there is.
+- a particle at rest stays at rest, to the last bit, as long as |a h| ≤ μ_s J; beyond that it starts in the direction of a;
+- a sliding particle loses μ_k J against its direction, and stops during the step where that is more than its speed.
 
 Both are exact for a force that does not change within the step and a straight path, at any length of the step. A particle
-that comes to a stop on a slope that is too steep for it turns around in mid-step: `turn` says when.
+that stops on a slope that is too steep for rest turns around within the step: `turn` says when.
 
 Everything here is selects, so that a loop over a block stays vectorised. The projection is that of time-stepping schemes for
 rigid bodies (Moreau 1988; Stewart, Trinkle, Int. J. Numer. Meth. Eng. 39, 2673 (1996)), the stop that of an event.
@@ -36,8 +37,8 @@ from particlesim.engine.state.columns import chosen, type_of
 from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
 
 LEVEL = 2.0**-10
-"""How far into a surface its own velocity may lead what moves along it, in units of how deep the free step is: normals that
-take a search are not exact."""
+"""How far into a surface the velocity of a particle that moves along it may lead, in units of how deep the free step is:
+normals that take a search are not exact."""
 
 
 def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) -> Any:
@@ -259,7 +260,8 @@ def dot(a: Any, b: Any) -> Any:
 
 
 def _along_way(free: Any, old: Any, belt: Any, way: Any, slides: Any, taken: Any, h: Any, gone: Any) -> Any:
-    """A coordinate of what slides to the end, `taken` less than without friction, or stops after it has `gone` so far."""
+    """A coordinate of a particle that slides to the end, `taken` less than without friction, or stops after it has `gone` so
+    far."""
     if way is None:
         return free if slides else old
     stop = old + gone * way if belt is None else old + h * belt + gone * way

@@ -1,9 +1,9 @@
-"""Friction of colliders on spheres that turn: after impacts and rest without it, whose normal impulses it goes by.
+"""Friction of colliders on spheres that rotate, from the normal impulses of impacts and resting contact without friction.
 
-The surface of a sphere goes past a collider at u = v_t − r ω × n, less the velocity of the collider's surface. A tangential
-impulse over mass of 2/7 |u| ends that, as a sphere has I = 2/5 m r²; friction gives it up to μ_s J, with J the normal
-impulse over mass, else μ_k J. What rolls has u = 0 and is left alone; on a slope it rolls with 5/7 of what pulls it, while
-that takes no more than μ_s J.
+The surface of a sphere slides over a collider at u = v_t − r ω × n, less the velocity of the collider's surface. A
+tangential impulse per mass of 2/7 |u| stops that, as a sphere has I = 2/5 m r²; friction gives it if it is at most μ_s J,
+with J the normal impulse per mass, else μ_k J. A sphere that rolls has u = 0 and gets none; down a slope it rolls with 5/7
+of the acceleration of a sphere without friction, while that takes no more than μ_s J.
 
 Source: the collision of a sphere with a rough wall, O. R. Walton, in Particulate Two-Phase Flow (1993), with a tangential
 restitution of −1 or 0.

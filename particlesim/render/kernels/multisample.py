@@ -1,8 +1,8 @@
-"""Which surface, tube or sphere is seen in each point of a sample; their depth maps for shadows.
+"""The surface, tube or sphere visible at each point of a sample, and their depth maps for shadows.
 
-A sample of a picture with surfaces is looked at in `SUBSAMPLES` points, so that silhouettes are smooth wherever spheres,
-tubes and triangles meet. The points stand like eight queens on a board of 8 × 8: edges that are nearly level or upright
-pass them one after the other. Inverse depth is linear on the screen along anything flat.
+A sample of a picture with surfaces is tested at `SUBSAMPLES` points, so that silhouettes are smooth wherever spheres, tubes
+and triangles meet. The points are like eight queens on a board of 8 × 8, so that edges that are nearly horizontal or
+vertical pass them one by one. Inverse depth is linear on the screen along anything flat.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which sphere is seen in which sample; depth maps for shadows."""
+"""The sphere visible in each sample, and depth maps for shadows."""
 
 from __future__ import annotations
 

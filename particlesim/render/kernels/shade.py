@@ -1,4 +1,4 @@
-"""Light on spheres and planes, trails, dots: everything that gives a sample its colour, in linear light."""
+"""The colour of samples, in linear light: light on spheres and planes, trails, dots."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What joins the particles of a trajectory, as it is drawn: surfaces, lines, and which particles they stand for.
+"""The surfaces and lines between particles as they are drawn, and which particles they replace.
 
 A group with triangles is a surface, springs without triangles are lines, everything else is particles; the settings'
 `styles` may say otherwise. Sets of springs of a body are called GROUP.KIND; others have a name of their own.

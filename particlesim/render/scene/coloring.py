@@ -1,4 +1,4 @@
-"""Which quantity colours the particles, and its values in a frame."""
+"""The quantity that colours particles, and its values in a frame."""
 
 from __future__ import annotations
 

@@ -2,9 +2,9 @@
 
 viridis, magma, inferno (S. van der Walt, N. Smith, E. Firing), turbo (A. Mikhailov) and coolwarm (K.
 Moreland) are given by 33 equally spaced sRGB colours; linear interpolation between them stays within 2/255
-of the published 256. steel is this project's own, for signed values on a dark ground: light blue, grey, orange, so
-that what is near zero is dim and both ends glow. blackbody is computed: Planck's spectrum through the CIE 1931
-colour matching functions in the approximation of C. Wyman, P.-P. Sloan and P. Shirley, JCGT 2(2), 2013.
+of the published 256. steel is this project's own, for signed values on a dark background: light blue, grey, orange, so that
+values near zero are dim and both ends are bright. blackbody is computed: Planck's spectrum through the CIE 1931 colour
+matching functions in the approximation of C. Wyman, P.-P. Sloan and P. Shirley, JCGT 2(2), 2013.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What is drawn in one frame, and the memory that a thread draws a band in."""
+"""The objects of one frame, and the scratch memory of a thread that draws a band of it."""
 
 from __future__ import annotations
 

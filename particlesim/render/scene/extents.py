@@ -1,5 +1,4 @@
-"""A look over the whole trajectory before the first picture: where the particles are, how large, which
-values.
+"""A survey of the whole trajectory before the first picture: extents of positions, sizes and values.
 
 Frames and particles are sampled, so that this takes a moment for any trajectory. Positions that are not
 finite, or hardly so, are left out, and a few particles that escape far from the others do not shrink the rest.

@@ -1,4 +1,4 @@
-"""How large particles and springs are drawn that have no size of their own."""
+"""The sizes with which particles and springs without a radius are drawn."""
 
 from __future__ import annotations
 

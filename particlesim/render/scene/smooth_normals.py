@@ -1,4 +1,4 @@
-"""Which triangles share a smooth normal: across an edge that is creased at the start the light breaks."""
+"""Which triangles share a smooth normal: none across an edge that is creased at the start."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def _tied(
     elif mortal(scenario, group.name):
         what = "are emitted" if isinstance(group, Emitter) else "may die at colliders"
         yield Invalid(
-            f"{here[0]} tie bodies to particles that are always there, and {group.name!r} {what}",
+            f"{here[0]} join bodies to particles that exist during the whole run, and {group.name!r} {what}",
             at,
             ((path, "here"),),
         )
@@ -151,7 +151,9 @@ def kept(scenario: Tables) -> Iterator[Invalid]:
                 yield Invalid(
                     f"nothing has an {name}: there are no [[bodies]]",
                     ("output", "fields", j),
-                    hint="grains turn whose contacts have friction" if name == "angular_velocity" else None,
+                    hint="only grains whose contacts have friction rotate"
+                    if name == "angular_velocity"
+                    else None,
                 )
         return
     here = ((("bodies", 0), "rigid bodies"),)
@@ -186,7 +188,7 @@ def held(scenario: Tables) -> Iterator[Invalid]:
             )
         elif each.detection == "discrete":
             yield Invalid(
-                "contacts of rigid bodies are foreseen, not looked for at the ends of steps",
+                "contacts of rigid bodies are found ahead of time, not at the ends of steps",
                 (*where, "detection"),
                 also,
                 allowed='"continuous"',
@@ -194,7 +196,7 @@ def held(scenario: Tables) -> Iterator[Invalid]:
             )
         elif each.tangential_loss > 0:
             yield Invalid(
-                "tangential_loss is for particles; what holds rigid bodies along a surface is friction",
+                "tangential_loss is for particles; rigid bodies have friction",
                 (*where, "tangential_loss"),
                 also,
                 hint=hint,

@@ -101,7 +101,7 @@ def _reference(scenario: Tables, check: Check, k: int) -> Iterator[Invalid]:
     at, field = ("checks", k), check.quantity.partition(".")[0]
     if field not in FIELDS or check.statistic is not None:
         yield Invalid(
-            "a reference is compared particle by particle, in a field of theirs",
+            "a reference compares a field of particles, particle by particle",
             (*at, "statistic" if field in FIELDS else "quantity"),
             allowed=", ".join((*VECTOR_FIELDS, *FIELD_QUANTITIES)),
         )
@@ -131,10 +131,10 @@ def _unknown(scenario: Tables, name: str, k: int) -> Invalid:
     if name in unbooked:
         switched = "work" in scenario.output.model_fields_set
         return Invalid(
-            f"{name} is not in the ledger, as no work is booked",
+            f"{name} is not in the ledger, as work is not recorded",
             place,
             ((("output", "work"), "switched off here"),) if switched else (),
-            hint="to book it: work = true under [output]",
+            hint="to record it: work = true under [output]",
         )
     components = [one for one in (*known, *unbooked) if one.startswith(f"{name.partition('.')[0]}.")]
     hint = did_you_mean(name, (*known, *unbooked))

@@ -94,14 +94,14 @@ def led_colliders(scenario: Tables) -> Iterator[Invalid]:
         path, collider = named[motion.collider]
         if isinstance(collider, Plane):
             yield Invalid(
-                "a plane has no end and does not move",
+                "a plane is infinite and cannot be moved",
                 here,
                 ((path, "here"),),
                 hint="a box or a rectangle does",
             )
         elif collider.contact == "stick":
             yield Invalid(
-                "what sticks to a collider stays where it is, and would be left behind by one that moves",
+                "particles that stick to a collider stay where they are, and a moving collider would leave them behind",
                 here,
                 (((*path, "contact"), "stick here"),),
             )
@@ -198,13 +198,13 @@ def kicks(scenario: Tables) -> Iterator[Invalid]:
 
 
 def booked(scenario: Tables) -> Iterator[Invalid]:
-    """Work is booked for particles with inertia."""
+    """Work is recorded for particles with inertia."""
     if not scenario.output.work:
         return
     for path, group in group_tables(scenario):
         if group.dynamics.type != "second_order":
             yield Invalid(
-                f"work is booked for particles with inertia, and {group.name!r} has none",
+                f"the ledger has the work on particles with inertia only, and {group.name!r} has none",
                 ("output", "work"),
                 (((*path, "dynamics"), "here"),),
             )

@@ -1,4 +1,5 @@
-"""Emitters that hear of impacts: there must be some to hear of, and nobody may hear of himself."""
+"""Emitters that react to impacts: there must be impacts, and no emitter may react, directly or not, to those of its own
+births."""
 
 from __future__ import annotations
 
@@ -45,7 +46,7 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
             elif owner[name] == owner[emitter.name]:
                 yield Invalid(
                     f"{emitter.name!r} and {name!r} act on each other in every step, or are the same, so that births would "
-                    "change the impacts that they are of",
+                    "change the impacts that cause them",
                     (*here, "of", j),
                     also,
                 )
@@ -54,7 +55,7 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
         yield from _places(scenario, here, event.of, event.at)
         if _circle(hears, owner[emitter.name]):
             yield Invalid(
-                f"births of {emitter.name!r} would follow from impacts that follow from its own births",
+                f"births of {emitter.name!r} would follow from impacts that its own births cause",
                 (*here, "of"),
             )
 
@@ -77,7 +78,7 @@ def _places(
         path, each = named[name]
         if each.soft:
             yield Invalid(
-                "what goes into a surface that yields has no moment of impact",
+                "contact with a surface that yields has no moment of impact",
                 (*here, "at", j),
                 ((path, "this one"),),
             )
@@ -104,7 +105,7 @@ def _together(scenario: Tables) -> list[set[str]]:
 
 
 def _circle(hears: dict[int, set[int]], start: int) -> bool:
-    """Whether who hears of somebody is heard of by him, by whatever way."""
+    """Whether an emitter reacts to impacts of its own births, directly or through other emitters."""
     seen, ahead = set[int](), list(hears.get(start, ()))
     while ahead:
         one = ahead.pop()

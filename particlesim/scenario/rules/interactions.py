@@ -112,7 +112,7 @@ def against_walls(scenario: Tables) -> Iterator[Invalid]:
                 )
             if collider.recovery is not None:
                 yield Invalid(
-                    "recovery is how impacts are put back on a surface, and soft contacts are not",
+                    "recovery puts particles back on a surface after impacts, and soft contacts have none",
                     (*path, "recovery"),
                     here,
                     allowed="no recovery, or groups that it holds back, on = [...]",
@@ -134,14 +134,14 @@ def put_apart(scenario: Tables) -> Iterator[Invalid]:
             for rods in scenario.rod_sets:
                 if names & set(rods.groups):
                     yield Invalid(
-                        f"particles on the rods {rods.name!r} cannot be put apart: rods hold their distances",
+                        f"particles on the rods {rods.name!r} cannot be moved apart: rods fix their distances",
                         ("interactions", k, "overlap"),
                         allowed='"auto", "keep"',
                     )
 
 
 def kicked(scenario: Tables) -> Iterator[Invalid]:
-    """Random kicks are those of a step: methods take forces at its beginning and its end, and their work is not booked."""
+    """Random kicks are those of a step: methods take forces at its beginning and its end, and their work is not recorded."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
     for k, each in enumerate(scenario.interactions):
         if not each.random():
@@ -158,7 +158,7 @@ def kicked(scenario: Tables) -> Iterator[Invalid]:
                 )
         if scenario.output.work:
             yield Invalid(
-                f"the work of the random kicks of {each.label} cannot be booked",
+                f"the work of the random kicks of {each.label} cannot be recorded",
                 ("output", "work"),
                 ((here, "a thermostat"),),
             )
@@ -180,7 +180,7 @@ def fixed_steps(scenario: Tables) -> Iterator[Invalid]:
             method = method_for(group.integrator or scenario.simulation.integrator)
             if method.adaptive:
                 yield Invalid(
-                    f"{why} at the ends of steps, which {method.name} chooses by trying",
+                    f"{why} at the ends of steps, and {method.name} tries steps before it accepts them",
                     ("interactions", k),
                     ((tables[group.name][0], f"stepped by {method.name}"),),
                     allowed="velocity_verlet, symplectic_euler, rk4 and others with steps of one length",
@@ -188,14 +188,14 @@ def fixed_steps(scenario: Tables) -> Iterator[Invalid]:
             rods = [rods.name for rods in scenario.rod_sets if group.name in rods.groups]
             if each.by_impulses and rods:
                 yield Invalid(
-                    f"particles on rods, such as those of {rods[0]!r}, cannot touch by impulses: rods do not know of them",
+                    f"particles on rods, such as those of {rods[0]!r}, cannot touch by impulses: rods take no part in these",
                     ("interactions", k),
                     ((tables[group.name][0], "on rods"),),
-                    hint='model = "linear" has forces, which rods hold against',
+                    hint='model = "linear" has forces, which rods balance',
                 )
         if each.by_impulses and scenario.output.work:
             yield Invalid(
-                f"the work of the impulses of {each.label} cannot be booked",
+                f"the work of the impulses of {each.label} cannot be recorded",
                 ("output", "work"),
                 ((("interactions", k), "impulses"),),
                 hint='model = "linear" has forces, whose work can',

@@ -1,4 +1,4 @@
-"""What WHFast can split: gravity between bodies about a heavy one, and forces that depend on place and time alone."""
+"""What WHFast can split: gravity between bodies about a heavy one, and forces that depend on position and time alone."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _numbers(scenario: Tables, here: Path) -> Iterator[Invalid]:
             "whfast follows orbits in open space, not among images", ("simulation", "box"), marks, hint=OTHERS
         )
     if scenario.output.work:
-        yield Invalid("work is not booked along the orbits of whfast", ("output", "work"), marks)
+        yield Invalid("the work along orbits of whfast cannot be recorded", ("output", "work"), marks)
 
 
 def _bodies(scenario: Tables, path: Path, group: Group, here: Path) -> Iterator[Invalid]:
@@ -95,10 +95,10 @@ def _acting(scenario: Tables, groups: list[tuple[Path, Group]], here: Path) -> I
     """Forces that a kick can give."""
     marks = ((here, "chosen here"),)
     names = {group.name for _, group in groups}
-    allowed = "forces that depend on place and time alone"
+    allowed = "forces that depend on position and time alone"
     for where, joined in joint_tables(scenario):
         if names & set(joined):
-            yield Invalid("whfast steps bodies that nothing joins", where, marks, hint=OTHERS)
+            yield Invalid("whfast steps bodies without springs and rods", where, marks, hint=OTHERS)
     for k, force in enumerate(scenario.forces):
         if force.needs_velocity() and any(acts_on(force, group) for _, group in groups):
             yield Invalid(
@@ -113,7 +113,7 @@ def _acting(scenario: Tables, groups: list[tuple[Path, Group]], here: Path) -> I
             continue
         if each.is_contact or each.random() or each.needs_velocity():
             yield Invalid(
-                f"{each.label} depends on more than places, and whfast cannot split it off",
+                f"{each.label} depends on more than positions, and whfast cannot split it off",
                 ("interactions", k),
                 marks,
                 allowed,

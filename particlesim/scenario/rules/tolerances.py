@@ -45,10 +45,10 @@ def few_bodies(scenario: Tables) -> Iterator[Invalid]:
             )
         if scenario.output.work:
             yield Invalid(
-                "work is not booked along the steps of ias15",
+                "the work along steps of ias15 cannot be recorded",
                 ("output", "work"),
                 ((path, "chosen here"),),
-                hint='"dop853" has small errors, too, and its work is booked',
+                hint='"dop853" has small errors, too, and its work can be recorded',
             )
 
 

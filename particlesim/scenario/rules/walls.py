@@ -27,7 +27,7 @@ def room(scenario: Tables) -> Iterator[Invalid]:
             shared = [g for g in scenario.groups if held_back(one, (g.name,)) and held_back(other, (g.name,))]
             if between < 0 and shared:
                 yield Invalid(
-                    f"these walls overlap by {-between:.3g} m: no place is on the legal side of both",
+                    f"these walls overlap by {-between:.3g} m: no position is on the allowed side of both",
                     path,
                     ((other_path, "the other wall"),),
                     hint="normals point to where particles may be",

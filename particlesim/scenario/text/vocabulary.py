@@ -14,7 +14,7 @@ from particlesim.scenario.text.typewalk import Node
 
 
 class Place(NamedTuple):
-    """Where a word stands: in `table` ("[[planes]]", "layout of [[particles]]"), and if that has several types, in the one
+    """Where a word is used: in `table` ("[[planes]]", "layout of [[particles]]"), and if that has several types, in the one
     called `tag`. `role` is "key"; "table" where the word is the name of `table` itself; or the key whose value the word is:
     "type", "method". `model`: what has that key, or is of that type."""
 

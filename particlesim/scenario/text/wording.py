@@ -1,4 +1,4 @@
-"""The words of scenario errors: what is wrong, what is allowed, what was probably meant."""
+"""The words of scenario errors: the mistake, the allowed values, and a suggestion."""
 
 from __future__ import annotations
 

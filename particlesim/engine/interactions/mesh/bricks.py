@@ -2,9 +2,9 @@
 
 The mesh is cut into bricks of 8³ cells. Particles are sorted by bricks, and those of a brick are spread over a copy of its
 nodes, small enough for the cache that is nearest; then the copy is added to the mesh. As it has a margin of p − 1 ≤ 7 nodes
-on the lower side, it overlaps its neighbours: bricks of one parity along every axis do not meet, so they are done by all
-threads at the same time, one of the eight parities after the other. Every node gets its parts in an order that follows from
-the places of the particles alone, whoever adds them. The field is read in the same way.
+on the lower side, it overlaps its neighbours: bricks of one parity along every axis do not overlap, so all threads work on
+them at the same time, one of the eight parities after the other. Every node gets its parts in an order that depends on the
+positions of the particles alone, not on threads. The field is read in the same way.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ EDGE = 8
 SIDE, ROW = 2 * EDGE - 1, 2 * EDGE
 """Nodes of a copy along the first two axes, and numbers of a row: one more, so that vectors stay inside."""
 TURNS = 9
-"""Counters of work that threads take in turn: eight for the parities, one for reading."""
+"""Counters for threads that take work one after another: eight for the parities, one for reading."""
 LINE = 8
 """Numbers of a cache line: each counter has one of its own."""
 

@@ -1,7 +1,7 @@
 """A plan with which forces are as accurate as was asked for.
 
-What `plan` says of errors holds for particles without order. So they are measured before the first step, on some of the
-particles, against sums by Ewald, and the plan is changed until they are right.
+The errors that `plan` estimates are those of particles at random positions. So errors are measured before the first step, on
+some of the particles, against Ewald sums, and the plan is changed until they are as asked for.
 """
 
 from __future__ import annotations

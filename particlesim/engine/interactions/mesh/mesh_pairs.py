@@ -1,8 +1,8 @@
 """Interactions of all pairs in a box that is periodic along all axes, with all of their images, summed with a mesh.
 
-The near part is a law like others, summed over neighbour lists, in whose order the particles are taken to the mesh. The
-mean density does not act: a uniform background takes it away. The forces of the mesh are the gradient of its energy;
-they do not sum to zero by themselves, so the rest, a part of their errors, is shared out among the particles.
+The near part is a law like others, summed over neighbour lists, in whose order the particles are spread over the mesh. The
+mean density exerts no force: a uniform background cancels it. The forces of the mesh are the gradient of its energy; their
+sum is not zero but an error, which is subtracted from the particles in proportion to their squared weights.
 
 Before the first step the error is measured on some particles against Ewald's sums, and the plan changed until it is as asked
 for: the root of the mean square of |δF|/|F| over particles, |F| not below a thousandth of its mean, nor below a tenth of the
@@ -91,7 +91,7 @@ would not hold for long."""
 BY_LAW = 0.1
 """How exact the polynomials of the far part are, over the accuracy."""
 WITHOUT_END = np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore")
-"""Numbers that nothing holds are infinite, and whoever looks at energies and errors says so."""
+"""Numbers that overflow are infinite; checks of energies and errors report that."""
 ALPHA, CUTOFF, NODES, ERROR, TOTAL = 0, 1, 2, 5, 6
 """Places in `plan`: those of a `Plan`, the error that was measured, 0 before it is, and Σ w over Σ |w|."""
 

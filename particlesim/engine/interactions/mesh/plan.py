@@ -1,12 +1,12 @@
 """How forces in a periodic box are cut in two, so that they are as accurate as asked for and cost least.
 
-Let the field of unit weights have the mean square error σ² W², W² = Σ w². What the near part misses beyond its end at the
-distance c, R_c² = c² + ε², is for particles without order
+Let the field of unit weights have the mean square error σ² W², W² = Σ w². The error of cutting off the near part at the
+distance c, R_c² = c² + ε², is for particles at random positions
 
     σ² = 4/(c V) e^(−2 α² R_c²)
 
-(Kolafa and Perram), and what the mesh makes of the far part follows from α h (`influence.mesh_errors`). Each gets a half of
-what is allowed. For meshes of all sizes that gives α, then c, and a time; the least one is taken.
+(Kolafa and Perram), and the error of the far part on the mesh follows from α h (`influence.mesh_errors`). Each may be a half
+of the allowed error. For meshes of all sizes that gives α, then c, and the cost of a sum; the cheapest mesh is taken.
 Sources: J. Kolafa, J. W. Perram, Mol. Simul. 9, 351 (1992); M. Deserno, C. Holm, J. Chem. Phys. 109, 7678 (1998).
 """
 

@@ -3,9 +3,9 @@
     1/R = (2/√π) ∫₀^∞ e^(−t² R²) dt = erf(αR)/R + erfc(αR)/R
 
 by the part of the integral below α and the one above (Ewald). The far part is an entire function of R²: with x = α² R² it is
-α E(x), E(x) = erf(√x)/√x. So a polynomial of R² has it to any accuracy, without roots, divisions or exponentials; taken from
-the law itself it leaves the near part, of Plummer's softening as well as of points. A cubic spline is that of points with
-a law of its own where particles are near each other.
+α E(x), E(x) = erf(√x)/√x. So a polynomial of R² approximates it to any accuracy, without roots, divisions or exponentials;
+subtracted from the law itself it leaves the near part, with Plummer's softening as for points. With softening by a cubic
+spline the far part is that of points, and the near part has a law of its own where particles are close to each other.
 Source: P. P. Ewald, Ann. Phys. 369, 253 (1921).
 """
 

@@ -1,1 +1,1 @@
-"""Who is near whom: particles in an order that keeps neighbours together, a tree over them, and lists of candidates."""
+"""The search for neighbours: particles in an order that keeps neighbours together, a tree over them, and lists."""

@@ -1,9 +1,9 @@
-"""What neighbour lists are made of: arrays with room, brought along by whoever calls the kernels.
+"""The arrays of neighbour lists, allocated by the caller of the kernels.
 
 The particles of an interaction, its *members*, are kept in an order in which neighbours in space are neighbours in memory
 (`sort`). Eight in a row are a *group*; a tree of boxes stands on the groups (`tree`); every group has a list of
-*candidates*, all members within the cutoff and the skin of any of its eight (`search`). `refresh` brings all of it up to
-the present places.
+*candidates*, all members within the cutoff and the skin of any of its eight (`search`). `refresh` brings all of it up to the
+present positions.
 
 An interaction between two sets has two *sections* of whole groups; then only members of the other section are candidates.
 """
@@ -34,8 +34,8 @@ IMAGES = 27
 NO_ROOM = -1
 """The count of a list that has no room."""
 FAR = 1e30
-"""Where members stand that do not act [m]: the dead, those not yet born, the filling of the last group. Whoever is as far
-away, or where no number tells, is nobody's neighbour."""
+"""The position of members that do not act [m]: the dead, those not yet born, the padding of the last group. A member as far
+away as that, or whose position is not finite, is no neighbour of any other."""
 
 STALE, OVERFLOW, BUILDS, LIVED, DUE = range(5)
 """In `report`: whether the lists have to be built anew, whether they had no room, how often they were built, for how many

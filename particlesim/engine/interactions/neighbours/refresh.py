@@ -1,9 +1,8 @@
-"""Places and lists of neighbours brought up to date, by all threads of an island together.
+"""Positions and lists of neighbours updated, by all threads of an island together.
 
-Lists hold while no member has moved by more than half of the skin since they were built. A motion that all have in common
-does not count: where members have moved further, displacements are measured from the middle between the smallest and the
-largest. These are largest values, which do not depend on the order in which members are looked at, so it does not depend on
-threads whether lists hold.
+Lists hold while no member has moved by more than half of the skin since they were built. A motion common to all does not
+count: where members have moved further, displacements are measured from the middle between the smallest and the largest.
+These are extremes, which do not depend on the order of members, so it does not depend on threads whether lists hold.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Candidates of every group: all members within the cutoff and the skin of any of its eight.
 
-A group walks down the tree, once for every image of the box that it may see. The members of the groups that it comes upon
-are looked at in single precision about its own centre, with a margin for what that rounds: lists hold what is needed and
-maybe a little more, and whoever uses them looks at distances again.
+A group walks down the tree, once for every image of the box within its reach. The members of the groups found there are
+tested in single precision about its own centre, with a margin for rounding: lists have all candidates and maybe a few more,
+and their users test distances again.
 """
 
 from __future__ import annotations
@@ -245,7 +245,7 @@ def _list_of(near: Any, g: Any, own: Any) -> None:
 
 @outlined
 def find_candidates(near: Any, share: Any) -> None:
-    """Lists of all groups; threads take them by turns. `report[NEXT]` and `report[POOL]` must be 0."""
+    """Lists of all groups; threads take groups one after another. `report[NEXT]` and `report[POOL]` must be 0."""
     groups, own = near.begin.size, on_stack(1, 4, np.int64)[0]
     own[LAST], own[END] = 0, 0
     while True:

@@ -1,9 +1,9 @@
 """Members in the order of a Hilbert curve, by all threads of an island together; ties by their number.
 
-Cells of the curve are a fraction of the cutoff wide, whatever the volume: keys are longer for a larger one, and nothing is
-allocated. Where the longest keys do not resolve the volume, because some members are very far away, the curve fills the
-part in which most are, and the others count as on its surface. Keys are sorted by digits from the last to the first, each
-pass stable (radix sort).
+Cells of the curve are a fraction of the cutoff wide for any volume: a larger volume has longer keys, and takes no memory.
+Where the longest keys do not resolve the volume, because some members are very far away, the curve fills the part in which
+most are, and the others count as on its surface. Keys are sorted by digits from the last to the first, each pass stable
+(radix sort).
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Surfaces and strands that touch: cloth, hair, ropes and what lies on them (`contact` of model `impulse`)."""
+"""Contact of surfaces and strands: cloth, hair, ropes and particles on them (`contact` of model `impulse`)."""

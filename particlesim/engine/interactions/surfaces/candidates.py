@@ -1,10 +1,10 @@
-"""Which vertices may meet triangles, and which edges edges, until somebody has left the way that he was on.
+"""Candidates of contact: pairs of a vertex and a triangle, or of two edges, which hold until a vertex leaves its course.
 
-All threads look for simplices whose spheres overlap (`neighbours`); one then goes through them and keeps those vertices and
-triangles, edges and edges whose boxes overlap. A box holds the way of the step that has just been done and its continuation
-over some steps, the *course*, and is wider by the radius and by half of the skin; so candidates are complete while no vertex
-has left its course by more than that half, apart from a motion that all have in common. Of these, only pairs are kept that
-can meet meanwhile.
+All threads look for simplices whose spheres overlap (`neighbours`); one then goes through them and keeps pairs whose boxes
+overlap. The *course* of a vertex is its displacement in the last step and the continuation of that over some steps. A box
+holds courses, and is wider by the radius and by half of the skin; so candidates are complete while no vertex has left its
+course by more than that half, apart from a motion that all have in common. Of these only pairs are kept that can meet before
+candidates are found anew.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ LONGEST = 0.5
 
 @shared
 def measure(s: Any, found: Any, x: Any, before: Any, report: Any, tune: Any) -> None:
-    """How far particles have come in the step, by how much that differs from what was measured last, and how far they have
-    left their course, beside what all have in common: half the diagonal of a box around all displacements, which no two
-    differ by twice of. Candidates are stale where the last is too much."""
+    """The displacements of particles in the step, their change since the step before, and their deviations from the course,
+    each without what all have in common: half the diagonal of a box around all values, twice of which bounds the difference
+    of any two. Candidates are stale where the deviations are too large."""
     age = float(report[AGE])
     way, turn, off = 0.0, 0.0, 0.0
     for k in range(3):

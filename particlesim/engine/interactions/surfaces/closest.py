@@ -1,10 +1,10 @@
-"""How far a vertex is from a triangle and an edge from an edge, and when two that move come near each other.
+"""The distances of a vertex from a triangle and of two edges, and the time at which moving ones come near each other.
 
 Both are differences l = Σ w_k x_k over four rows, the first side with weights that sum to 1, the second to −1: the closest
 points of both. For linear motion over a step, x(s) = x₀ + s (x₁ − x₀), the first s at which |l| has come down to a target is
 found by conservative advancement: no two points of both sides change their distance by more than L, the largest relative
-displacement of two corners, so s may always grow by (|l| − target)/L. Such steps only look at distances, which are found to
-rounding, and never pass an impact.
+displacement of two corners, so s may always grow by (|l| − target)/L. This needs distances only, which are exact to
+rounding, and never passes an impact.
 
 Source: C. Ericson, Real-Time Collision Detection (2005), sections 5.1.5 and 5.1.9; B. Mirtich, Impulse-based dynamic
 simulation of rigid body systems (1996), for conservative advancement; M. Li, D. M. Kaufman, C. Jiang, ACM Trans. Graph. 40,

@@ -1,9 +1,9 @@
-"""What contacts of surfaces are made of: arrays with room, brought along by whoever calls the kernels.
+"""The arrays of contacts of surfaces, allocated by the caller of the kernels.
 
-What touches are *simplices*: triangles of cloth, of jelly and of meshes, edges of ropes, nets and hair, and single
-particles, which are edges without length. All vertices and edges belong to one simplex each, so that whoever goes through
-pairs of simplices meets every vertex with a triangle and every edge with an edge once (R. Curtis, R. Tamstorf, D. Manocha,
-Fast collision detection for deformable models using representative-triangles, 2008).
+Contact is between *simplices*: triangles of cloth, of jelly and of meshes, edges of ropes, nets and hair, and single
+particles, which are edges without length. Every vertex and every edge belongs to one simplex, so that a loop over pairs of
+simplices visits every pair of a vertex and a triangle and every pair of edges once (R. Curtis, R. Tamstorf, D. Manocha, Fast
+collision detection for deformable models using representative-triangles, 2008).
 """
 
 from __future__ import annotations
@@ -96,9 +96,8 @@ class Touches(NamedTuple):
 
 
 class Desk(NamedTuple):
-    """Scratch by particle: inverse masses [n], −1 of who is not there; marks of who takes part (1: has
-    contacts, 4: also with colliders), and zones that move as one
-    with their sums [8, n]."""
+    """Scratch by particle: inverse masses [n], −1 of absent ones; marks of those in contact (1: has contacts, 4: also with
+    colliders), and zones that move as one with their sums [8, n]."""
 
     inverse: Any
     mark: Any

@@ -1,14 +1,14 @@
 """What contacts of surfaces do to displacements and velocities of a step.
 
-A contact is l·n ≥ d for a difference l = Σ w_k x_k of closest points, with their unit normal n where they first come as near
-as they may be. With u = Σ w_k (x_k − x_k⁰) and W = Σ w_k²/m_k displacements are corrected by
+A contact is the condition l·n ≥ d on the difference l = Σ w_k x_k of closest points, with n their unit normal at the moment
+when they first are as near as is allowed. With u = Σ w_k (x_k − x_k⁰) and W = Σ w_k²/m_k displacements are corrected by
 
     x_k += (w_k/m_k) Λ n/W,   Λ ≥ 0 as small as it can be,
 
-and sliding is taken back up to μ times that (Coulomb). Then velocities: contacts that have pushed and still approach, with
-v_n = Σ w_k v_k·n < 0, get the impulse −(1 + e) v_n/W along n, and what stops them across up to μ times it. All are taken one
-after the other, forwards and backwards (Gauss–Seidel). As Σ w_k = 0, momentum is kept, and no impulse brings
-energy.
+and the tangential displacement is taken back, by at most μ times that (Coulomb). Then velocities: contacts that have pushed
+and still approach, with v_n = Σ w_k v_k·n < 0, get the impulse −(1 + e) v_n/W along n, and the tangential impulse that stops
+sliding, at most μ times the normal one. All are taken one after the other, forwards and backwards (Gauss–Seidel). As
+Σ w_k = 0, momentum is kept, and no impulse adds energy.
 
 Displacements are those of the step, so a contact acts as if it had been there from the beginning of the step or from the
 impact on: what rests neither sinks nor creeps, whatever the method. A contact that starts too close is widened by `GENTLY`
@@ -43,8 +43,8 @@ CORE = 0.2
 TURNS, MORE_TURNS = 12, 20
 """Turns through all contacts of a step at most: for displacements, and for velocities."""
 SETTLED, CALMED = 1e-3, 1e-2
-"""Turns end when all corrections are smaller than that part of the thickness, or of the fastest approach that forces have
-brought about in the step: what is left goes on in the next."""
+"""Iterations end when all corrections are smaller than that part of the thickness, or of the fastest approach that forces
+have brought about in the step: the rest is corrected in the next."""
 REST = 2.0
 """Steps in which forces bring about an approach that counts as rest."""
 STATIC, KINETIC, REBOUND, CALM, PUSH = range(5)
@@ -53,7 +53,7 @@ STATIC, KINETIC, REBOUND, CALM, PUSH = range(5)
 
 @shared
 def weigh(s: Any, m: Any, clock: Any, desk: Any) -> None:
-    """Inverse masses: 0 of what no force moves, −1 of who is not there in the step."""
+    """Inverse masses: 0 of particles that no force moves, −1 of those that are absent in the step."""
     for j in range(s.rows.size):
         i = s.rows[j]
         desk.inverse[i] = 0.0 if held(clock, i) else 1.0 / float(m[i])
@@ -214,7 +214,7 @@ def again(
 def list_missed(
     s: Any, found: Any, touches: Any, desk: Any, report: Any, tune: Any, r: Any, x: Any, before: Any
 ) -> Any:
-    """Write down who would come too close on the way from `before` to x; returns how many pairs do."""
+    """List the pairs that would come too close on the path from `before` to x; returns how many."""
     missed = again(s, found, touches, desk, report, tune, r, x, before, True)
     return missed + again(s, found, touches, desk, report, tune, r, x, before, False)
 

@@ -1,14 +1,14 @@
-"""Which candidates can meet in a step: what is left to look at, and that is little.
+"""Which candidates can meet in a step. Two numbers of each pair rule out most; the others are measured.
 
-A pair that is g apart at the beginning of step n₀, beside its thickness, and comes u nearer in it at most, goes no further
-than u + Σ 2a_j in a step n later, with a_j by how much a particle turned from its course in a step j in between, beside what
-all have in common. With C the sum of 2a_j up to the present step and W the sum of C over those before it, all since
-candidates were found, it cannot have met while
+A pair with the gap g between its surfaces at the beginning of step n₀, which narrows by u at most in that step, narrows by
+u + Σ 2a_j at most in a later step n. Here a_j bounds the change of any particle's displacement from step j − 1 to step j,
+without the change that all particles have in common. With C the sum of 2a_j up to the present step, W the sum of C over the
+steps before it, both since candidates were found, and C₀ and W₀ their values in step n₀, the pair cannot have met while
 
     W + C + n β ≤ g + W₀ + (n₀ − 1) β,   β = u − C₀.
 
-So a pair has two numbers, which are compared with two that all have in common; only where they do not tell, g and u are
-measured, many pairs at a time.
+So a pair keeps two numbers, which are compared with two that are the same for all pairs. Only where that does not decide are
+g and u measured again, many pairs at a time.
 """
 
 from __future__ import annotations

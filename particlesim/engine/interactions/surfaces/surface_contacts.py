@@ -1,10 +1,10 @@
 """Hard contacts of surfaces and strands: the kind of interaction, and the course of a step.
 
-At the end of a step, when all particles have met their colliders, contacts are found on its way (`candidates`, `closest`),
-displacements and then velocities are corrected (`response`), and it is looked again whether anything would still come too
-close: that becomes a contact, too, or moves as one (`zones`). So the way of a step, every particle on a straight line, keeps
-all that was apart when the run began apart: nothing passes through at any speed. One thread does all of it, but for
-the search for near simplices.
+At the end of a step, when all particles have met their colliders, contacts along its displacements are found (`candidates`,
+`closest`), displacements and then velocities are corrected (`response`), and pairs that would still come too close are
+searched for: they become contacts, too, or move as one (`zones`). So surfaces that were apart when the run began stay apart
+on the straight paths of every step: nothing passes through at any speed. One thread does all of it, except for the search
+for near simplices.
 """
 
 from __future__ import annotations
@@ -286,8 +286,8 @@ def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
 
 
 def reach_of(x: Floats, triangles: Ints, edges: Ints, thin: float) -> float:
-    """The length by which skins are measured: the shortest way from a corner of a typical triangle to its opposite side, the
-    length of a typical edge, or the thickness of what has neither."""
+    """The length by which skins are measured: the smallest height of a typical triangle, the length of a typical edge, or
+    the thickness of single particles."""
     if triangles.size:
         a, b, c = (x[:, rows] for rows in triangles)
         twice = np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0)

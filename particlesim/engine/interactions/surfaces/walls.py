@@ -1,8 +1,8 @@
-"""Colliders under surfaces that touch: who lies on one is held by it while others push.
+"""Colliders under surfaces in contact: a particle that lies on a collider stays out of it while contacts push it.
 
-Before contacts of surfaces are looked at, every particle has met its colliders. One of a contact that is near a collider
-gets a contact with it: n·x ≥ n·x_s for its place x_s on the surface, along which it slides relative to the surface under its
-friction. What contacts have pushed into a collider in spite of that is put back.
+Before contacts of surfaces are found, every particle has met its colliders. If a particle of a contact is near a collider,
+it also gets a contact with that collider: n·x ≥ n·x_s, where x_s is the nearest point of its surface, with friction that
+acts on sliding relative to the surface. Particles that contacts have pushed into a collider in spite of that are put back.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def add_walls(each: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
 
 @shared
 def note_walls(s: Any, desk: Any) -> None:
-    """Note who has its contacts with colliders."""
+    """Mark particles whose contacts with colliders are listed."""
     for j in range(s.rows.size):
         i = s.rows[j]
         if (desk.mark[i] & 1) != 0:
@@ -86,7 +86,7 @@ def velocity_of(collider: Any, p: Any) -> Any:
 
 
 def put_on_walls(each: Any, parts: Any, c: Any, t: Any, slack: Any) -> None:
-    """What has been moved into colliders, or lies on them up to a gap of `slack` [m], comes to their surfaces."""
+    """Particles that were moved into colliders, or lie on them up to a gap of `slack` [m], are put on their surfaces."""
     for part in parts:
         for collider in colliders_of(part):
             _put_on_wall(each, collider, c, t, part.first, part.last, slack)
@@ -103,7 +103,8 @@ def _put_on_wall(each: Any, collider: Any, c: Any, t: Any, first: Any, last: Any
 
 
 def lie_on_walls(each: Any, parts: Any, c: Any, t: Any, slack: Any, calm: Any) -> None:
-    """What lies on colliders neither approaches them nor leaves them slower than `calm` [m/s]: rest takes no search."""
+    """Particles on colliders lose a normal velocity that approaches them, or leaves them slower than `calm` [m/s]: rest
+    needs no search for impacts."""
     for part in parts:
         for collider in colliders_of(part):
             _lie_on_wall(each, collider, c, t, part.first, part.last, slack, calm)

@@ -1,11 +1,12 @@
 """The last resort: particles whose contacts no impulses could keep apart move as one for a step.
 
-Pairs that would still come too close make zones. A zone moves by the mean of its displacements, and so does its velocity,
-so that momentum is kept and no energy is won; one with a particle that nothing moves goes with that. What moves as one does
-not come closer to itself; zones that meet become one, until nothing is left to mend.
+Pairs that would still come too close make zones. All particles of a zone get the mean displacement and the mean velocity of
+the zone, weighted by mass, so that momentum is kept and no energy is gained; a zone with a particle that no force moves
+takes the displacement and velocity of that particle. Particles of one zone come no closer to each other; zones that meet
+become one, until no pair is too close.
 
 Source: X. Provot, Collision and self-collision handling in cloth model dedicated to design garments (1997); R. Bridson, R.
-Fedkiw, J. Anderson, ACM Trans. Graph. 21, 594 (2002), section 7.5, which let zones turn, too.
+Fedkiw, J. Anderson, ACM Trans. Graph. 21, 594 (2002), section 7.5, where zones rotate, too.
 """
 
 from __future__ import annotations

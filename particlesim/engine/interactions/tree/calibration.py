@@ -1,7 +1,8 @@
-"""How much a walk may neglect, so that forces are as accurate as was asked for.
+"""The tolerance of the walk with which forces are as accurate as was asked for.
 
-The tolerance bounds the estimated error of one pair of cells; how the errors of many pairs add up depends on how particles
-lie. So the error is measured on some particles against direct sums, and the tolerance changed until it is right.
+The tolerance bounds the estimated error of one pair of cells; how the errors of many pairs add up depends on the
+distribution of particles. So the error is measured on some particles against direct sums, and the tolerance changed until it
+is right.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What the particles of near leaves do to those of a leaf, and what its polynomial says of far ones.
+"""The field at the particles of a leaf: of near particles by direct sums, of far ones by the polynomial of the leaf.
 
-Some targets at a time stay in registers while sources go by one after the other, so that a sum is in the order of the
-sources whatever the width of vectors is, and nothing needs to be put together first.
+Some targets at a time stay in registers while sources follow one by one, so that a sum is in the order of the sources for
+any width of vectors, and no partial sums need to be added.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ PARTICLES_PER_CELL = 8
 """Room is for one cell for so many particles, about twice as many as there are. Without room, leaves stay larger: that is
 slower, and as exact."""
 _TASKS = 128
-"""Parts that the walk is cut into, for threads to take in turn."""
+"""Parts that the walk is cut into, for threads to take one after another."""
 _TASK, _TASK_OF_FEW, _FEW_TASKS = 2048, 256, 40
 """Fewest particles of a part; and of one of a few parts, for threads to share few particles evenly."""
 _APART = 8
@@ -282,7 +282,7 @@ def _empty_cell(cells: Any) -> None:
 def _walk_all(
     tree: Any, form: Any, limits: Any, size: Any, side: Any, unit: Any, scale: Any, share: Any
 ) -> None:
-    """The sums of all particles: threads take parts of the walk in turn."""
+    """The sums of all particles: threads take parts of the walk one after another."""
     given = Given(tree.keys.rows[side], tree.field, size, tree.height, unit, scale)
     room = Room(*(each[share.number] for each in tree.room))
     count = size.size
@@ -310,7 +310,7 @@ def _walk_all(
 
 
 class Hand(NamedTuple):
-    """Who works: as much of `coupled.workspace.Share` as is needed here."""
+    """The thread: as much of `coupled.workspace.Share` as is needed here."""
 
     number: int
     threads: int

@@ -1,6 +1,6 @@
-"""What is known of an evaluation while kernels are compiled: order, signs of the sources, softening, what is wanted.
+"""What is known of an evaluation while kernels are compiled: order, signs of the sources, softening, and which results.
 
-Each is a tuple whose structure says it, since the structure of arguments is what kernels are compiled for.
+Each choice is the type of a tuple, since kernels are compiled for the types of their arguments.
 """
 
 from __future__ import annotations

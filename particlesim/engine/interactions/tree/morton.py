@@ -1,7 +1,7 @@
-"""Keys along Morton's curve (Morton 1966): the bits of three whole numbers in turn.
+"""Keys along Morton's curve (Morton 1966): the interleaved bits of three integers.
 
-The curve goes through a cube octant by octant, at every level, so that sorted by their keys the particles of every cell
-stand side by side.
+The curve goes through a cube octant by octant, at every level, so that sorted by their keys the particles of every cell are
+contiguous.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Interactions of all pairs in which far particles act by multipoles.
 
-What a thread adds are the forces on its own particles, which all threads have found together. Every particle's sum is its
-own, so the third law holds to the accuracy asked for and no further: momentum drifts by as much.
+All threads together compute the forces, and each adds those on its own particles. Every particle has its own sum, so the
+third law holds to the accuracy asked for and no further: momentum drifts accordingly.
 
 The accuracy is that of the root of the mean square of |δg|/|g| over particles, with g the force on a unit of mass or charge,
 not below a thousandth of its mean.

@@ -1,8 +1,8 @@
-"""Which cells act how on which: the walk down the tree of targets.
+"""The walk down the tree of targets, which finds the cells that act on each cell by their moments.
 
-Every target cell inherits the sources that its parent could not settle. It tests them; far ones act on it through their
-moments, of the others the larger of the two is opened, until leaves meet leaves. What a cell receives depends on its own
-ancestors alone, so threads share nothing that is written, and a sum does not depend on who does it.
+Every target cell inherits the source cells that are not far from its parent. Those that are far from it act through their
+moments; of any other pair the larger cell is opened, until leaves meet leaves. What a cell receives depends on its own
+ancestors alone, so threads write no common data, and a sum does not depend on the thread that computes it.
 
 Far is what makes a small error (Dehnen 2014). With p the order, a source cell of strength S and reach ρ_A at distance r
 puts into the field at a target cell of radius ρ_B an error of about
@@ -11,7 +11,7 @@ puts into the field at a target cell of radius ρ_B an error of about
 
 the first terms that are cut off; S ρ_Aⁿ is about the norm of its moments of degree n. A pair is far if e is less than the
 tolerance times the size that the field has on the particles of the target, and if the series converges: the sum of the
-radii is less than r. Softening makes r² + ε² of r².
+radii is less than r. With softening, r² becomes r² + ε².
 
 Source: W. Dehnen, "A fast multipole method for stellar dynamics", Comput. Astrophys. Cosmol. 1 (2014) 1.
 """
