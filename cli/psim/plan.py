@@ -36,6 +36,7 @@ def plan(
     from particlesim.graph.graph import method_of
     from particlesim.integrators import method_for
     from particlesim.preflight.advice import advice, long_sums, sliding
+    from particlesim.preflight.jumps import jumps
     from particlesim.preflight.resources import check_fits, needs
 
     required = needs(scenario)
@@ -61,7 +62,7 @@ def plan(
             )
             doubts = _seen_at_once(scenario)
     grid = scenario.grid
-    told = [*doubts, *advice(scenario), *sliding(scenario), *long_sums(scenario)]
+    told = [*doubts, *advice(scenario), *sliding(scenario), *long_sums(scenario), *jumps(scenario)]
     return {
         "title": scenario.title,
         "groups": [group.name for group in scenario.groups],

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from itertools import combinations_with_replacement
 
 from particlesim.emitters import Emitter
-from particlesim.engine.interactions.methods import IN_MATRICES, chosen
-from particlesim.graph.graph import method_of
+from particlesim.engine.interactions.methods import IN_MATRICES, chosen_in
+from particlesim.graph.graph import method_of, methods_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod
 from particlesim.interactions import PairSet
@@ -146,8 +146,8 @@ def _explicit(scenario: Scenario) -> list[str]:
     for each in pair_sets(scenario):
         if not isinstance(methods[each.groups[0]], ImplicitMethod):
             continue
-        count = int(sum(_number(numbers[name], scenario) for name in each.groups))
-        if each.law.is_contact or chosen(each.law, count) not in IN_MATRICES:
+        count = int(sum(number_of(numbers[name], scenario) for name in each.groups))
+        if each.law.is_contact or chosen_in(scenario, each, count) not in IN_MATRICES:
             found.append(
                 f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: steps have to be as short for it as "
                 "those of an explicit method, or equations will not be solved"
@@ -175,9 +175,8 @@ def _direct_sums(scenario: Scenario) -> Iterator[tuple[PairSet, float, float]]:
     """Interactions whose pairs are summed one by one, with how many there are, and seconds of a step on one core."""
     tables = {group.name: group for group in scenario.groups}
     for each in pair_sets(scenario):
-        counts = [_number(tables[name], scenario) for name in each.groups]
-        boxed = scenario.simulation.box is not None
-        if chosen(each.law, round(sum(counts)), boxed=boxed) == "direct":
+        counts = [number_of(tables[name], scenario) for name in each.groups]
+        if chosen_in(scenario, each, round(sum(counts))) == "direct":
             pairs = 2 * counts[0] * counts[1] if each.law.between is not None else sum(counts) ** 2
             method = method_of(tables[each.groups[0]], scenario.simulation.integrator)
             yield each, pairs, pairs * max(method.evaluations, 1) / PAIR_RATE
@@ -185,12 +184,14 @@ def _direct_sums(scenario: Scenario) -> Iterator[tuple[PairSet, float, float]]:
 
 def long_sums(scenario: Scenario) -> tuple[str, ...]:
     """Interactions whose pairs are summed one by one though they are so many that the run takes hours: told before it."""
-    found = []
+    found, methods = [], methods_of(scenario)
     for each, pairs, step in _direct_sums(scenario):
         if step * scenario.grid.steps < PATIENCE:
             continue
         way = "fewer particles or fewer steps take less"
-        if each.law.method == "direct" and each.law.lacks_multipoles() is None:
+        if each.law.lacks_multipoles() is None and methods[each.groups[0]].smooth:
+            way = f"{methods[each.groups[0]].name} takes no tree, whose forces jump; velocity_verlet or dop853 does"
+        elif each.law.method == "direct" and each.law.lacks_multipoles() is None:
             way = 'method = "tree" lets far particles act together'
         elif each.law.reach() is not None:
             way = 'method = "neighbours" looks at near ones alone'
@@ -201,7 +202,7 @@ def long_sums(scenario: Scenario) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _number(group: Group, scenario: Scenario) -> float:
+def number_of(group: Group, scenario: Scenario) -> float:
     """About how many particles a group has at most at once."""
     if isinstance(group, Emitter):
         births = group.expected(scenario.grid.duration)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from particlesim.integrators import AnyIntegrator, EmbeddedRungeKutta, GaussRadauMethod, Options, method_for
 from particlesim.model.mistakes import Invalid, Path
+from particlesim.scenario.reach import group_tables, interacting
 from particlesim.scenario.tables import Tables
 
 EPSILON = {"double": sys.float_info.epsilon, "single": 2.0**-23}
@@ -50,6 +51,29 @@ def few_bodies(scenario: Tables) -> Iterator[Invalid]:
                 ((path, "chosen here"),),
                 hint='"dop853" has small errors, too, and its work is booked',
             )
+
+
+def without_jumps(scenario: Tables) -> Iterator[Invalid]:
+    """Forces of a tree or a mesh jump by a part of their accuracy, and IAS15 finds no step across a jump."""
+    tables = {group.name: (path, group) for path, group in group_tables(scenario)}
+    for k, each in enumerate(scenario.interactions):
+        boxed = scenario.simulation.box is not None and each.lacks_a_mesh() is None
+        way = "mesh" if each.method == "auto" and boxed else each.method
+        if way not in ("tree", "mesh"):
+            continue
+        for group in interacting(each, scenario.groups):
+            method = method_for(group.integrator or scenario.simulation.integrator)
+            if method.smooth:
+                here: Path = ("interactions", k)
+                yield Invalid(
+                    f"forces by a {way} jump by a part of their accuracy, and {method.name} computes to rounding: it finds "
+                    "no step across them",
+                    (*here, "method") if each.method == way else here,
+                    ((tables[group.name][0], f"stepped by {method.name}"),),
+                    allowed='"auto", "direct"' if way == "tree" else "velocity_verlet, dop853 and others",
+                    hint=None if way == "tree" else "all images of a periodic box have no other sum",
+                )
+                break
 
 
 def _places(scenario: Tables) -> Iterator[tuple[Path, AnyIntegrator]]:
