@@ -18,7 +18,7 @@ from particlesim.forces import Force
 from particlesim.groups.group import Group
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
-from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
+from particlesim.integrators import Method, method_for, without_inertia
 from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
 from particlesim.scenario.open_colliders import open_colliders
@@ -202,34 +202,26 @@ def interactions_of(scenario: Scenario) -> tuple[Interaction, ...]:
     return (*scenario.bonds, *scenario.hinges, *surfaces, *pair_sets(scenario))
 
 
-def method_of(group: Group, default: AnyIntegrator) -> Method:
-    """The method that steps a group: its own or the default; without inertia, the one that takes its place."""
-    if isinstance(group, Bodies):
-        return RIGID_LEAPFROG
-    method = method_for(group.integrator or default)
-    return method if group.dynamics.type == "second_order" else _without_inertia(method)
-
-
-def _without_inertia(method: Method) -> Method:
-    return method if method.first_order is None else METHODS[method.first_order]
-
-
 def methods_of(scenario: Scenario) -> dict[str, Method]:
     """The method that steps each group, by name: one for all of an island."""
-    stands = _joined(scenario.groups, _links(scenario, interactions_of(scenario)))
     return {
-        group.name: _method_of_all(groups, scenario)
-        for groups in _members(scenario, stands)
-        for group in groups
+        group.name: _method_of_all(groups, scenario) for groups in islands_of(scenario) for group in groups
     }
 
 
+def islands_of(scenario: Scenario) -> list[list[Group]]:
+    """The groups that step together, in the order of the scenario."""
+    return _members(scenario, _joined(scenario.groups, _links(scenario, interactions_of(scenario))))
+
+
 def _method_of_all(groups: Sequence[Group], scenario: Scenario) -> Method:
-    """The method that steps the groups of an island."""
-    method = method_of(groups[0], scenario.simulation.integrator)
-    if any(group.dynamics.type != "second_order" for group in groups):
-        method = _without_inertia(method)  # it must not need a velocity of its own
-    return method
+    """The method that steps the groups of an island, which have the same one: if some have no inertia, the one that takes
+    its place, as it must not need a velocity of its own."""
+    if isinstance(groups[0], Bodies):
+        return RIGID_LEAPFROG
+    integrator = groups[0].integrator or scenario.simulation.integrator
+    inertial = all(group.dynamics.type == "second_order" for group in groups)
+    return method_for(integrator) if inertial else without_inertia(integrator)
 
 
 def _links(scenario: Scenario, interactions: Sequence[Interaction]) -> list[tuple[str, ...]]:

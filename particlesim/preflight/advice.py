@@ -7,9 +7,9 @@ from itertools import combinations_with_replacement
 
 from particlesim.emitters import Emitter
 from particlesim.engine.interactions.methods import IN_MATRICES, chosen_in
-from particlesim.graph.graph import method_of, methods_of
+from particlesim.graph.graph import islands_of, methods_of
 from particlesim.groups.group import Group, Particles
-from particlesim.integrators import Composition, ImplicitMethod
+from particlesim.integrators import Composition, ImplicitMethod, Method, method_for
 from particlesim.interactions import PairSet
 from particlesim.scenario.reach import acts_on, held_back, interacting, meetings_of, pair_sets, ties
 from particlesim.scenario.scenario import Scenario
@@ -20,6 +20,8 @@ PATIENCE = 3600.0
 """Seconds on one core beyond which all pairs of a run are told to be many."""
 ONCE = ("gravity", "coulomb", "contact")
 """Interactions that act between two particles once, if at all."""
+OF_BOTH = "rk4, dop853 and implicit_midpoint"
+"""Some methods that step particles with and without inertia."""
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
 
 
@@ -68,12 +70,16 @@ def _format(scenario: Scenario) -> list[str]:
 
 
 def _order(scenario: Scenario) -> list[str]:
-    return [sentence for group in scenario.groups for sentence in loss_of_order(scenario, group)]
+    methods = methods_of(scenario)
+    return [
+        sentence
+        for group in scenario.groups
+        for sentence in loss_of_order(scenario, group, methods[group.name])
+    ]
 
 
-def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
+def loss_of_order(scenario: Scenario, group: Group, method: Method) -> tuple[str, ...]:
     """Kicks and drifts are first order when the force depends on the velocity that a kick changes."""
-    method = method_of(group, scenario.simulation.integrator)
     if not isinstance(method, Composition) or method.order < 2:
         return ()
     depends = [
@@ -90,6 +96,28 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
         f"{method.name} is only first order for {group.name!r}, because {' and '.join(depends)} "
         f"{'depends' if len(depends) == 1 else 'depend'} on the velocity; {better}",
     )
+
+
+def replaced(scenario: Scenario) -> tuple[str, ...]:
+    """Methods that a scenario asks for and that step no particle, as others without inertia step together with them: told
+    before a run."""
+    found, methods = [], methods_of(scenario)
+    for groups in islands_of(scenario):
+        inert = [group.name for group in groups if group.dynamics.type != "second_order"]
+        heavy = [group for group in groups if group.name not in inert]
+        if not inert or not heavy:
+            continue
+        asked = method_for(heavy[0].integrator or scenario.simulation.integrator)
+        taken = methods[heavy[0].name]
+        if asked.name != taken.name:
+            lost = "energy drifts; " if asked.symplectic and not taken.symplectic else ""
+            names = " and ".join(repr(group.name) for group in heavy)
+            found.append(
+                f"{inert[0]!r} has no inertia and steps together with {names}: {taken.name} steps them all, "
+                f"not {asked.name}; {lost}interactions among other groups, on = [...], let each have its method, "
+                f"and {OF_BOTH} step both"
+            )
+    return tuple(found)
 
 
 def _own(scenario: Scenario) -> Iterator[str]:
@@ -140,7 +168,7 @@ def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
 
 def _explicit(scenario: Scenario) -> list[str]:
     """Interactions of pairs that implicit methods have in their forces and not in their matrices."""
-    methods = {group.name: method_of(group, scenario.simulation.integrator) for group in scenario.groups}
+    methods = methods_of(scenario)
     numbers = {group.name: group for group in scenario.groups}
     found = []
     for each in pair_sets(scenario):
@@ -173,12 +201,12 @@ def direct_seconds(scenario: Scenario) -> float:
 
 def _direct_sums(scenario: Scenario) -> Iterator[tuple[PairSet, float, float]]:
     """Interactions whose pairs are summed one by one, with how many there are, and seconds of a step on one core."""
-    tables = {group.name: group for group in scenario.groups}
+    tables, methods = {group.name: group for group in scenario.groups}, methods_of(scenario)
     for each in pair_sets(scenario):
         counts = [number_of(tables[name], scenario) for name in each.groups]
         if chosen_in(scenario, each, round(sum(counts))) == "direct":
             pairs = 2 * counts[0] * counts[1] if each.law.between is not None else sum(counts) ** 2
-            method = method_of(tables[each.groups[0]], scenario.simulation.integrator)
+            method = methods[each.groups[0]]
             yield each, pairs, pairs * max(method.evaluations, 1) / PAIR_RATE
 
 

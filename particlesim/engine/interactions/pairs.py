@@ -40,7 +40,7 @@ from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds
 from particlesim.engine.state.columns import presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.errors import UsageError
-from particlesim.graph.graph import method_of
+from particlesim.graph.graph import methods_of
 from particlesim.integrators import Method
 from particlesim.interactions import PairInteraction, PairSet
 from particlesim.interactions.far import FarInteraction
@@ -384,8 +384,7 @@ def _refuse_products(site: Site, pairs: PairSet, law: FarInteraction) -> None:
 
 def method_among(site: Site, pairs: PairSet) -> Method:
     """The method that steps the particles of an interaction, the same for all."""
-    group = next(each for each in site.scenario.groups if each.name == pairs.groups[0])
-    return method_of(group, site.scenario.simulation.integrator)
+    return methods_of(site.scenario)[pairs.groups[0]]
 
 
 def new_last(law: PairInteraction, count: int, dtype: Any) -> Last:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 
-from particlesim.integrators import AnyIntegrator, EmbeddedRungeKutta, GaussRadauMethod, Options, method_for
+from particlesim.integrators import (
+    AnyIntegrator,
+    EmbeddedRungeKutta,
+    GaussRadauMethod,
+    Options,
+    method_for,
+    without_inertia,
+)
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.reach import group_tables, interacting
 from particlesim.scenario.tables import Tables
@@ -19,8 +26,14 @@ def too_fine(scenario: Tables) -> Iterator[Invalid]:
     """Tolerances that the numbers of the state cannot hold."""
     precision = scenario.simulation.precision
     least = FINEST * EPSILON[precision]
-    for path, integrator in _places(scenario):
-        method = method_for(integrator)
+    places = {(path, method_for(integrator)): integrator for path, integrator in _places(scenario)}
+    for path, group in group_tables(scenario):
+        if group.dynamics.type != "second_order":
+            here, integrator = (*path, "integrator"), group.integrator
+            if integrator is None:
+                here, integrator = ("simulation", "integrator"), scenario.simulation.integrator
+            places[here, without_inertia(integrator)] = integrator
+    for (path, method), integrator in places.items():
         if isinstance(method, EmbeddedRungeKutta) and method.tolerance < least:
             written = isinstance(integrator, Options) and "tolerance" in integrator.model_fields_set
             yield Invalid(
