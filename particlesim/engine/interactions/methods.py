@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from particlesim.engine.interactions.number_range import refuse_out_of_range
 from particlesim.graph.graph import methods_of
 from particlesim.interactions import PairInteraction, PairSet
 from particlesim.interactions.contact import Contact
@@ -60,9 +61,14 @@ def chosen_in(scenario: Scenario, pairs: PairSet, count: int) -> str:
 def summed(site: Site, pairs: PairSet) -> Interaction:
     """An interaction of pairs among the particles of an island, laid out for its method.
 
-    Raises UsageError for two at one place, if they have no force there.
+    Raises UsageError for two at one place, if they have no force there, and at the start for sizes that numbers of the run
+    do not hold.
     """
-    module, function = METHODS[_method(site, pairs)].rsplit(".", 1)
+    way = _method(site, pairs)
+    if site.began:
+        with site.scenario.at_interaction(pairs.name):
+            refuse_out_of_range(site, pairs, way)
+    module, function = METHODS[way].rsplit(".", 1)
     lay_out: Any = getattr(importlib.import_module(f"{__package__}.{module}"), function)
     made: Interaction = lay_out(site, pairs)
     return made

@@ -399,7 +399,8 @@ def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
     record = as_precision(law.in_steps(grid.dt, site.scenario.simulation.seed), dtype)
     reach = law.reach()
     least = None if _acts_at_once(law, dtype) else dtype.type(0 if law.singular() else np.finfo(dtype).tiny)
-    most = None if reach is None else dtype.type(square(reach))
+    with np.errstate(over="ignore"):  # an infinite one cuts nothing
+        most = None if reach is None else dtype.type(square(reach))
     own = np.zeros((2, site.whole.count), dtype)
     for name in pairs.groups:
         first, count = site.offset[name], site.state[name].count

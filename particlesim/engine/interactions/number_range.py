@@ -1,0 +1,86 @@
+"""Lengths whose squares numbers of the run do not hold: refused at the start.
+
+Laws of pairs take squares of distances. Where these are infinite, forces vanish without a sign.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from particlesim.engine.interactions.interaction import Floats, Site
+from particlesim.engine.interactions.neighbours.record import FAR
+from particlesim.errors import UsageError
+from particlesim.interactions import PairSet
+
+DOUBLE = 'precision = "double" in [simulation]'
+PAIR_BY_PAIR = ("direct", "neighbours", "contacts", "impulses")
+"""Methods that take squares of distances in the numbers of the run."""
+
+
+def refuse_out_of_range(site: Site, pairs: PairSet, way: str) -> None:
+    """Raise UsageError for particles, or a law, of a size that pairs summed in this way cannot have."""
+    if way in PAIR_BY_PAIR:
+        _refuse_lengths(site, pairs)
+    if way == "neighbours":
+        _refuse_far(site, pairs)
+
+
+def _refuse_lengths(site: Site, pairs: PairSet) -> None:
+    law, longest = pairs.law, math.sqrt(float(np.finfo(site.dtype).max))
+    squares = f"{_name(site.dtype)} precision holds no squares of lengths above {longest:.2g} m"
+    ends, reach = law.touching() or law.is_contact, law.reach()
+    if ends:
+        radii = (float(site.state[name].attribute("radius").max(initial=0.0)) for name in pairs.groups)
+        largest = max(radii, default=0.0)
+        reach = 2 * largest + law.beyond(largest)
+    elif reach == law.cutoff and reach is not None and not reach < longest:
+        reach = None  # cuts nothing
+    for length in (reach, law.length()):
+        if length is not None and not length < longest:
+            raise UsageError(f"{pairs.name} has a length of {length:.3g} m, and {squares}", _better(site))
+    if reach is None and (apart := _extent(site, pairs)) >= longest:
+        raise UsageError(
+            f"{pairs.name}: particles are up to {apart:.3g} m apart, and {squares}", _better(site)
+        )
+
+
+def _extent(site: Site, pairs: PairSet) -> float:
+    """How far particles are apart at most, as the diagonal of the box around them, or to the nearest image [m]."""
+    x = _places(site, pairs)
+    if not x.size:
+        return 0.0
+    sides = x.max(axis=0) - x.min(axis=0)
+    if (box := site.scenario.simulation.box) is not None:
+        periods = (math.inf if each is None else each / 2 for each in box.as_box().periods)
+        sides = np.minimum(sides, np.array(list(periods)))
+    return math.hypot(*sides.tolist())
+
+
+def _refuse_far(site: Site, pairs: PairSet) -> None:
+    """Neighbour lists keep those who are not there at FAR."""
+    x, box = np.abs(_places(site, pairs)), site.scenario.simulation.box
+    if box is not None:
+        x = x[:, [each is None for each in box.as_box().periods]]  # others are wrapped
+    far = x.sum(axis=1)
+    if np.count_nonzero(far >= FAR) > 1:
+        raise UsageError(
+            f"{pairs.name}: particles are {far.max():.3g} m from the origin, and neighbour lists find those up to "
+            f"{FAR:.0e} m",
+            'method = "direct", or other units of length',
+        )
+
+
+def _places(site: Site, pairs: PairSet) -> Floats:
+    return np.concatenate([site.state[name].position.astype(float) for name in pairs.groups])
+
+
+def _name(dtype: Any) -> str:
+    return "single" if dtype == np.float32 else "double"
+
+
+def _better(site: Site, what: str = "length") -> str:
+    units = f"other units of {what}"
+    return f"{DOUBLE}, or {units}" if site.dtype == np.float32 else units
