@@ -120,6 +120,11 @@ class PairInteraction(Model):
         """The length of the law [m], in which distances are counted; None if it has none."""
         return None
 
+    def product(self) -> tuple[str, float] | None:
+        """The attribute of both particles whose product is in the law, "mass" or "charge", and the factor before it; None
+        without such a product."""
+        return None
+
     def _some_cutoff(self) -> str:
         """An example of a cutoff of the size of what interacts."""
         length = self.length()

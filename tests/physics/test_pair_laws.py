@@ -495,44 +495,6 @@ def test_a_length_beyond_all_numbers_is_told() -> None:
             ps.run(ps.from_table(table(0.1, 0.01, particles=[group], interactions=[law])))
 
 
-FAR_APART = 2e19
-"""[m]; the square of it is more than single precision holds, 3.4e38."""
-
-
-@pytest.mark.parametrize(
-    ("law", "told"),
-    [
-        ({"type": "soft_sphere", "epsilon": 1.0, "sigma": 3 * FAR_APART}, "has a length of 6e[+]19 m"),
-        ({"type": "soft_sphere", "epsilon": 1.0}, "has a length of 6e[+]19 m"),
-        ({"type": "flocking", "sight": 3 * FAR_APART, "alignment": 1.0}, "has a length of 6e[+]19 m"),
-        ({"type": "morse", "depth": 1.0, "width": 1e-19, "distance": 1e19}, "up to 2e[+]19 m apart"),
-        ({"type": "gravity"}, "up to 2e[+]19 m apart"),
-    ],
-    ids=lambda value: value["type"] if isinstance(value, dict) else "",
-)
-def test_lengths_whose_squares_overflow_are_refused(law: dict[str, Any], told: str) -> None:
-    """Pairs had felt nothing of each other; double precision holds them."""
-    group = points((0, 0, 0), (FAR_APART, 0, 0), name="a", mass=1e10, radius=1.5 * FAR_APART)
-    scenario = table(1.0, 0.1, particles=[group], interactions=[law])
-    Simulation(ps.from_table(scenario)).close()
-    scenario["simulation"]["precision"] = "single"
-    with pytest.raises(ps.UsageError, match=f"{told}.*single precision holds no squares"):
-        Simulation(ps.from_table(scenario))
-
-
-def test_neighbours_beyond_where_lists_look_are_refused() -> None:
-    # Of ten particles in a row of steps of 1e29 m, half had been found.
-    group = points(*[(k * 2e29, 0, 0) for k in range(10)], name="a", mass=1.0)
-    law = {"type": "soft_sphere", "epsilon": 1.0, "sigma": 3e29, "method": "neighbours"}
-    scenario = table(1.0, 0.1, particles=[group], interactions=[law])
-    with pytest.raises(
-        ps.UsageError, match="1.8e[+]30 m from the origin, and neighbour lists find those up to 1e[+]30 m"
-    ):
-        Simulation(ps.from_table(scenario))
-    law["method"] = "direct"
-    Simulation(ps.from_table(scenario)).close()
-
-
 def test_a_tree_takes_bodies_in_one_place() -> None:
     # softened, so they feel nothing of each other; no error can be measured there, and the first tolerance stays
     group = points(*[(0, 0, 0)] * 100, name="a", mass=1.0)

@@ -1,6 +1,7 @@
-"""Lengths whose squares numbers of the run do not hold: refused at the start.
+"""Lengths, masses and charges whose squares and products numbers of the run do not hold: refused at the start.
 
-Laws of pairs take squares of distances. Where these are infinite, forces vanish without a sign.
+Laws of pairs take squares of distances and products of masses or charges. Where these are infinite, or too small to be told
+from nothing, forces vanish without a sign: nothing would move, or everything at once.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ def refuse_out_of_range(site: Site, pairs: PairSet, way: str) -> None:
         _refuse_lengths(site, pairs)
     if way == "neighbours":
         _refuse_far(site, pairs)
+    if way in ("direct", "neighbours"):
+        _refuse_products(site, pairs)
 
 
 def _refuse_lengths(site: Site, pairs: PairSet) -> None:
@@ -70,6 +73,33 @@ def _refuse_far(site: Site, pairs: PairSet) -> None:
             f"{pairs.name}: particles are {far.max():.3g} m from the origin, and neighbour lists find those up to "
             f"{FAR:.0e} m",
             'method = "direct", or other units of length',
+        )
+
+
+def _refuse_products(site: Site, pairs: PairSet) -> None:
+    """The least product that a particle feels is that with the one of the largest mass or charge."""
+    product = pairs.law.product()
+    if product is None:
+        return
+    by, factor = product
+    sizes = np.concatenate([np.abs(site.state[name].attribute(by).astype(float)) for name in pairs.groups])
+    sizes = np.sort(sizes[sizes > 0])
+    if sizes.size < 2 or factor == 0:
+        return
+    limits, (symbol, unit) = np.finfo(site.dtype), {"mass": ("m", "kg"), "charge": ("q", "C")}[by]
+    held = f"than {_name(site.dtype)} precision holds"
+    with np.errstate(over="ignore", under="ignore"):
+        largest, least = float(sizes[-1] * sizes[-2]), float(sizes[0] * sizes[-1])
+    if largest > float(limits.max):
+        raise UsageError(
+            f"{pairs.name}: {symbol}₁ {symbol}₂ = {largest:.1e} {unit}² of the two largest particles is more {held}",
+            _better(site, by),
+        )
+    if min(least, least * abs(factor)) < float(limits.tiny):
+        raise UsageError(
+            f"{pairs.name}: {symbol}₁ {symbol}₂ = {least:.1e} {unit}², times {abs(factor):.1e}, of the smallest particle "
+            f"and the largest is less {held}",
+            _better(site, by) + (', or method = "tree"' if pairs.law.lacks_multipoles() is None else ""),
         )
 
 
