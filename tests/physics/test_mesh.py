@@ -394,6 +394,32 @@ def test_a_clump_in_a_thin_background_has_the_accuracy_asked_for(accuracy: float
     simulation.close()
 
 
+@pytest.mark.parametrize(
+    ("side", "precision", "words"),
+    [
+        (1e-80, "double", "size.0.*1e-50 to 1e[+]29 m"),
+        (1e80, "double", "size.0.*1e-50 to 1e[+]29 m"),
+        (1e120, "double", "size.0.*1e-50 to 1e[+]29 m"),
+        (1e25, "single", "single precision holds no squares"),
+        (1e-49, "double", None),
+        (1e28, "double", None),
+    ],
+)
+def test_boxes_beyond_numbers_are_refused(side: float, precision: str, words: str | None) -> None:
+    """Forces are as 1/side² in any box that is taken."""
+    x = side * np.array([[0.1, 0, 0], [0.4, 0, 0]])
+    scenario = told(x, {"softening": 0}, (side,) * 3, mass=1.0)
+    scenario["simulation"]["precision"] = precision
+    if words is None:
+        simulation, _, found = begun(scenario)
+        own = begun(told(x / side, {"softening": 0}, (1, 1, 1), mass=1.0))[2]
+        assert found * side**2 == pytest.approx(own, rel=1e-3, abs=1e-3 * np.abs(own).max())
+        simulation.close()
+    else:
+        with pytest.raises(PsimError, match=words):
+            begun(scenario)
+
+
 def test_two_in_one_place_are_told() -> None:
     with pytest.raises(PsimError, match="particles 0 and 1 of 'bodies' are at the same place"):
         begun(told([[0.25, 0.1, 0.1], [1.25, 0.1, 0.1]], {}))

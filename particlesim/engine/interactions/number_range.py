@@ -25,6 +25,8 @@ def refuse_out_of_range(site: Site, pairs: PairSet, way: str) -> None:
     """Raise UsageError for particles, or a law, of a size that pairs summed in this way cannot have."""
     if way in PAIR_BY_PAIR:
         _refuse_lengths(site, pairs)
+    if way == "mesh":
+        _refuse_wide(site, pairs)
     if way == "neighbours":
         _refuse_far(site, pairs)
     if way in ("direct", "neighbours"):
@@ -33,7 +35,7 @@ def refuse_out_of_range(site: Site, pairs: PairSet, way: str) -> None:
 
 def _refuse_lengths(site: Site, pairs: PairSet) -> None:
     law, longest = pairs.law, math.sqrt(float(np.finfo(site.dtype).max))
-    squares = f"{_name(site.dtype)} precision holds no squares of lengths above {longest:.2g} m"
+    squares = _squares(site, longest)
     ends, reach = law.touching() or law.is_contact, law.reach()
     if ends:
         radii = (float(site.state[name].attribute("radius").max(initial=0.0)) for name in pairs.groups)
@@ -47,6 +49,17 @@ def _refuse_lengths(site: Site, pairs: PairSet) -> None:
     if reach is None and (apart := _extent(site, pairs)) >= longest:
         raise UsageError(
             f"{pairs.name}: particles are up to {apart:.3g} m apart, and {squares}", _better(site)
+        )
+
+
+def _refuse_wide(site: Site, pairs: PairSet) -> None:
+    """Of a box for a mesh, whose near part may reach over half of it."""
+    box, longest = site.scenario.simulation.box, math.sqrt(float(np.finfo(site.dtype).max))
+    assert box is not None
+    if math.hypot(*box.size) / 2 >= longest:
+        raise UsageError(
+            f"{pairs.name}: images in the box are {math.hypot(*box.size) / 2:.3g} m apart, and {_squares(site, longest)}",
+            _better(site),
         )
 
 
@@ -105,6 +118,10 @@ def _refuse_products(site: Site, pairs: PairSet) -> None:
 
 def _places(site: Site, pairs: PairSet) -> Floats:
     return np.concatenate([site.state[name].position.astype(float) for name in pairs.groups])
+
+
+def _squares(site: Site, longest: float) -> str:
+    return f"{_name(site.dtype)} precision holds no squares of lengths above {longest:.2g} m"
 
 
 def _name(dtype: Any) -> str:
