@@ -76,6 +76,24 @@ def test_products_that_round_away_are_refused(law: dict[str, Any], sizes: dict[s
         Simulation(ps.from_table(scenario))
 
 
+@pytest.mark.parametrize(
+    ("law", "sizes", "method"),
+    [
+        ("gravity", {"mass": 2e36}, "tree"),
+        ("gravity", {"mass": 2e36}, "mesh"),
+        ("coulomb", {"charge": 1.6e-20}, "mesh"),
+    ],
+)
+def test_trees_and_meshes_advise_double_precision(law: str, sizes: dict[str, Any], method: str) -> None:
+    group = points((0, 0, 0), (1, 0, 0), (0, 1, 0), name="a", **{"mass": 1e-26, **sizes})
+    scenario = table(1e-6, 1e-7, particles=[group], interactions=[{"type": law, "method": method}])
+    scenario["simulation"] |= {"precision": "single"} | (
+        {"box": {"size": [4.0] * 3}} if method == "mesh" else {}
+    )
+    with pytest.raises(ps.UsageError, match=r'than single precision holds.*precision = "double"'):
+        Simulation(ps.from_table(scenario))
+
+
 def test_products_that_single_precision_holds_are_summed() -> None:
     # 10⁻¹⁵ kg twice: k m²/r² = 10¹⁰ · 10⁻³⁰/10⁻¹⁸ = 10⁻² N; pinned and chargeless ones have no product.
     law = {"type": "power_law", "strength": 1e10, "exponent": 2}

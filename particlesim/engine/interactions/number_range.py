@@ -29,8 +29,7 @@ def refuse_out_of_range(site: Site, pairs: PairSet, way: str) -> None:
         _refuse_wide(site, pairs)
     if way == "neighbours":
         _refuse_far(site, pairs)
-    if way in ("direct", "neighbours"):
-        _refuse_products(site, pairs)
+    _refuse_products(site, pairs, way)
 
 
 def _refuse_lengths(site: Site, pairs: PairSet) -> None:
@@ -89,8 +88,9 @@ def _refuse_far(site: Site, pairs: PairSet) -> None:
         )
 
 
-def _refuse_products(site: Site, pairs: PairSet) -> None:
-    """The least product that a particle feels is that with the one of the largest mass or charge."""
+def _refuse_products(site: Site, pairs: PairSet, way: str) -> None:
+    """The least product that a particle feels is that with the one of the largest mass or charge. A tree has small ones in
+    double precision; whoever looks at the step has large ones in that of the run."""
     product = pairs.law.product()
     if product is None:
         return
@@ -108,11 +108,12 @@ def _refuse_products(site: Site, pairs: PairSet) -> None:
             f"{pairs.name}: {symbol}₁ {symbol}₂ = {largest:.1e} {unit}² of the two largest particles is more {held}",
             _better(site, by),
         )
-    if min(least, least * abs(factor)) < float(limits.tiny):
+    if way != "tree" and min(least, least * abs(factor)) < float(limits.tiny):
         raise UsageError(
             f"{pairs.name}: {symbol}₁ {symbol}₂ = {least:.1e} {unit}², times {abs(factor):.1e}, of the smallest particle "
             f"and the largest is less {held}",
-            _better(site, by) + (', or method = "tree"' if pairs.law.lacks_multipoles() is None else ""),
+            _better(site, by)
+            + (', or method = "tree"' if way == "direct" and pairs.law.lacks_multipoles() is None else ""),
         )
 
 
