@@ -33,9 +33,9 @@ def plan(
     Raises UsageError when the run cannot fit (unless `must_fit` is False), or a file that the scenario names cannot be read.
     """
     from particlesim.compiler import NotKept
-    from particlesim.graph.graph import method_of
-    from particlesim.integrators import method_for
-    from particlesim.preflight.advice import advice, long_sums, sliding
+    from particlesim.graph.graph import methods_of
+    from particlesim.preflight.advice import advice, long_sums, replaced, sliding
+    from particlesim.preflight.jumps import jumps
     from particlesim.preflight.resources import check_fits, needs
 
     required = needs(scenario)
@@ -43,9 +43,9 @@ def plan(
         from particlesim.scenario.open_colliders import open_colliders
 
         open_colliders(scenario)  # their files are read by a first look, too
-    methods = {method_of(group, scenario.simulation.integrator).label: None for group in scenario.bodies}
-    if len(scenario.bodies) < len(scenario.groups):
-        methods = {method_for(scenario.simulation.integrator).label: None, **methods}
+    stepped, bodies = methods_of(scenario), {body.name for body in scenario.bodies}
+    names = sorted(stepped, key=lambda name: name in bodies)  # bodies come last
+    methods = dict.fromkeys(stepped[name].label for name in names)
     if must_fit:
         check_fits(required, output)
     most = MOST_LED if scenario.motions or scenario.rod_sets else MOST_PARTICLES
@@ -59,7 +59,14 @@ def plan(
             missing = "not computed, as that would compile kernels: psim stability does so, and so does a run"
             doubts = _seen_at_once(scenario)
     grid = scenario.grid
-    told = [*doubts, *advice(scenario), *sliding(scenario), *long_sums(scenario)]
+    told = [
+        *doubts,
+        *advice(scenario),
+        *sliding(scenario),
+        *long_sums(scenario),
+        *jumps(scenario),
+        *replaced(scenario),
+    ]
     return {
         "title": scenario.title,
         "groups": [group.name for group in scenario.groups],

@@ -6,6 +6,7 @@ groups are islands of their own whose particles are independent of each other.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -17,7 +18,7 @@ from particlesim.forces import Force
 from particlesim.groups.group import Group
 from particlesim.groups.impulse import Impulse
 from particlesim.groups.motion import Motion
-from particlesim.integrators import METHODS, AnyIntegrator, Method, method_for
+from particlesim.integrators import Method, method_for, without_inertia
 from particlesim.integrators.rigid_leapfrog import RIGID_LEAPFROG
 from particlesim.interactions import PairSet
 from particlesim.scenario.open_colliders import open_colliders
@@ -201,16 +202,56 @@ def interactions_of(scenario: Scenario) -> tuple[Interaction, ...]:
     return (*scenario.bonds, *scenario.hinges, *surfaces, *pair_sets(scenario))
 
 
-def method_of(group: Group, default: AnyIntegrator) -> Method:
-    """The method that steps a group: its own or the default; without inertia, the one that takes its place."""
-    if isinstance(group, Bodies):
+def methods_of(scenario: Scenario) -> dict[str, Method]:
+    """The method that steps each group, by name: one for all of an island."""
+    return {
+        group.name: _method_of_all(groups, scenario) for groups in islands_of(scenario) for group in groups
+    }
+
+
+def islands_of(scenario: Scenario) -> list[list[Group]]:
+    """The groups that step together, in the order of the scenario."""
+    return _members(scenario, _joined(scenario.groups, _links(scenario, interactions_of(scenario))))
+
+
+def _method_of_all(groups: Sequence[Group], scenario: Scenario) -> Method:
+    """The method that steps the groups of an island, which have the same one: if some have no inertia, the one that takes
+    its place, as it must not need a velocity of its own."""
+    if isinstance(groups[0], Bodies):
         return RIGID_LEAPFROG
-    method = method_for(group.integrator or default)
-    return method if group.dynamics.type == "second_order" else _without_inertia(method)
+    integrator = groups[0].integrator or scenario.simulation.integrator
+    inertial = all(group.dynamics.type == "second_order" for group in groups)
+    return method_for(integrator) if inertial else without_inertia(integrator)
 
 
-def _without_inertia(method: Method) -> Method:
-    return method if method.first_order is None else METHODS[method.first_order]
+def _links(scenario: Scenario, interactions: Sequence[Interaction]) -> list[tuple[str, ...]]:
+    """The groups that each interaction, each set of rods and what may touch join."""
+    hung = {each.name for each in scenario.hung_rods}
+    rods = (each for each in scenario.rod_sets if each.name not in hung)
+    return [each.groups for each in (*interactions, *rods)] + [tuple(body.name for body in scenario.bodies)]
+
+
+def _joined(groups: Sequence[Group], links: Sequence[tuple[str, ...]]) -> dict[str, str]:
+    """For every group one that stands for all that are joined with it (union-find)."""
+    parent = {group.name: group.name for group in groups}
+
+    def root(name: str) -> str:
+        while parent[name] != name:
+            name = parent[name]
+        return name
+
+    for link in links:
+        for other in link[1:]:
+            parent[root(other)] = root(link[0])
+    return {name: root(name) for name in parent}
+
+
+def _members(scenario: Scenario, stands: Mapping[str, str]) -> list[list[Group]]:
+    """The groups of every island, in the order of the scenario."""
+    members: dict[str, list[Group]] = {}
+    for group in scenario.groups:
+        members.setdefault(stands[group.name], []).append(group)
+    return list(members.values())
 
 
 def _targets(entry: Collider | Impulse, scenario: Scenario) -> list[str]:
@@ -218,30 +259,13 @@ def _targets(entry: Collider | Impulse, scenario: Scenario) -> list[str]:
 
 
 def _islands(scenario: Scenario) -> tuple[Island, ...]:
-    """Groups by the springs and rods that join them (union-find), in the order of the scenario."""
-    parent = {group.name: group.name for group in scenario.groups}
-
-    def root(name: str) -> str:
-        while parent[name] != name:
-            name = parent[name]
-        return name
-
+    """Groups by the springs and rods that join them, in the order of the scenario."""
     hung, interactions = {each.name for each in scenario.hung_rods}, interactions_of(scenario)
     rods = tuple(each for each in scenario.rod_sets if each.name not in hung)
-    for first, *others in (each.groups for each in (*interactions, *rods)):
-        for other in others:
-            parent[root(other)] = root(first)
-    for body in scenario.bodies[1:]:  # they may all touch
-        parent[root(body.name)] = root(scenario.bodies[0].name)
-    members: dict[str, list[Group]] = {}
-    for group in scenario.groups:
-        members.setdefault(root(group.name), []).append(group)
+    stands = _joined(scenario.groups, _links(scenario, interactions))
     islands = []
-    for name, groups in members.items():
-        methods = [method_of(group, scenario.simulation.integrator) for group in groups]
-        if any(group.dynamics.type != "second_order" for group in groups):
-            # One method steps the whole island, and it must not need a velocity of its own.
-            methods = [_without_inertia(method) for method in methods]
+    for groups in _members(scenario, stands):
+        name = stands[groups[0].name]
         islands.append(
             Island(
                 tuple(groups),
@@ -251,10 +275,10 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
                 tuple(
                     tuple(c for c in scenario.all_colliders if c.on is None or g.name in c.on) for g in groups
                 ),
-                methods[0],
+                _method_of_all(groups, scenario),
                 tuple(tuple(m for m in scenario.motions if m.on == g.name) for g in groups),
-                tuple(each for each in interactions if root(each.groups[0]) == name),
-                tuple(each for each in rods if root(each.groups[0]) == name),
+                tuple(each for each in interactions if stands[each.groups[0]] == name),
+                tuple(each for each in rods if stands[each.groups[0]] == name),
                 tuple(
                     tuple(
                         k if heard(scenario, g.name, c) else None

@@ -47,7 +47,11 @@ Each = Annotated[tuple[T, ...], Field(min_length=1)]
 
 
 class FirstOrder(Model):
-    """Motion without inertia: x' = w(x, t) + f/γ. The limit of strong drag, for instance of small grains in oil."""
+    """Motion without inertia: x' = w(x, t) + f/γ. The limit of strong drag, for instance of small grains in oil.
+
+    Its state is the position alone: a method that needs velocities, too, is replaced by another one for these particles, and
+    for all that step together with them (see [integrators](#integrators)).
+    """
 
     type: Literal["first_order"] = "first_order"
     drag: Annotated[KilogramsPerSecond, Gt(0)]

@@ -77,6 +77,18 @@ def method_for(integrator: AnyIntegrator) -> Method:
     return method.configured(method.options(method=integrator))
 
 
+def without_inertia(integrator: AnyIntegrator) -> Method:
+    """The method that steps particles without inertia where a scenario asks for this one: itself, or one that needs no
+    velocities, with those of the options that were given which it has."""
+    method = method_for(integrator)
+    if method.first_order is None:
+        return method
+    other = METHODS[method.first_order]
+    given = integrator.model_fields_set if isinstance(integrator, Options) else set()
+    shared = {key: getattr(integrator, key) for key in given & other.options.model_fields.keys() - {"method"}}
+    return other.configured(other.options.model_validate({"method": other.name, **shared}))
+
+
 __all__ = [
     "METHODS",
     "Adaptive",
@@ -98,4 +110,5 @@ __all__ = [
     "WisdomHolman",
     "WisdomHolmanMethod",
     "method_for",
+    "without_inertia",
 ]

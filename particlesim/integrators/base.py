@@ -59,6 +59,8 @@ class Method:
     by_modes: ClassVar[bool] = True
     """Whether a step is too long where it lets modes of the linearised forces grow; not with methods that choose their steps
     (`adaptive`), nor with those that follow orbits exactly."""
+    smooth: ClassVar[bool] = False
+    """Whether it computes to rounding, and finds no step across a force that jumps."""
     options: ClassVar[type[Options]] = FixedStep
     """The model of what a scenario may say of it; its fields beside `method` are fields here."""
 

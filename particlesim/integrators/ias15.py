@@ -76,6 +76,7 @@ class GaussRadauMethod(Method):
     revisits: ClassVar[bool] = False
     by_modes: ClassVar[bool] = False
     together: ClassVar[bool] = True
+    smooth: ClassVar[bool] = True
 
     tolerance: float = TOLERANCE
     minimum_step: float | None = None

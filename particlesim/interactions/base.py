@@ -51,7 +51,8 @@ class PairInteraction(Model):
     `force`, so that both energy and force end at 0."""
     method: PairMethod = "auto"
     """How forces are summed: `direct` takes every pair, `neighbours` only those within the cutoff, by lists, `tree` lets far
-    particles act by multipoles, `mesh` takes all images of a periodic box, and `auto` takes what is fastest."""
+    particles act by multipoles, `mesh` takes all images of a periodic box, and `auto` takes what is fastest, with `ias15`
+    none whose forces jump, as those of a tree do."""
 
     formula: ClassVar[str]
     """The law in one line, with the symbols of the parameters."""
@@ -117,6 +118,11 @@ class PairInteraction(Model):
 
     def length(self) -> float | None:
         """The length of the law [m], in which distances are counted; None if it has none."""
+        return None
+
+    def product(self) -> tuple[str, float] | None:
+        """The attribute of both particles whose product is in the law, "mass" or "charge", and the factor before it; None
+        without such a product."""
         return None
 
     def _some_cutoff(self) -> str:
@@ -217,6 +223,10 @@ class PairInteraction(Model):
     def reach(self) -> float | None:
         """Distance beyond which it does nothing [m]; None if it has no end."""
         return self.cutoff
+
+    def ends_smoothly(self) -> bool:
+        """Whether its force goes to 0 at its reach, as smoothly as methods of high order need it."""
+        return self.shift == "force"
 
     def touching(self) -> bool:
         """Whether it acts only where two particles touch, within the sum of their radii."""

@@ -28,6 +28,9 @@ class FarInteraction(PairInteraction):
         """c: positive where equal w attract."""
         raise NotImplementedError
 
+    def product(self) -> tuple[str, float]:
+        return self.by, self.coupling()
+
     def softening_length(self) -> float:
         """ε [m]."""
         return float(getattr(self, "softening", 0.0))

@@ -36,6 +36,9 @@ class PairPowerLaw(PairInteraction):
             return PairLogarithmRecord(self.strength, square(self.softening))
         return PairPowerRecord(self.strength, square(self.softening), (self.exponent + 1) / 2)
 
+    def product(self) -> tuple[str, float]:
+        return "mass", self.strength
+
     def singular(self) -> bool:
         return self.softening == 0 and self.exponent > 0
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from itertools import combinations_with_replacement
 
 from particlesim.emitters import Emitter
-from particlesim.engine.interactions.methods import IN_MATRICES, chosen
-from particlesim.graph.graph import method_of
+from particlesim.engine.interactions.methods import IN_MATRICES, chosen_in
+from particlesim.graph.graph import islands_of, methods_of
 from particlesim.groups.group import Group, Particles
-from particlesim.integrators import Composition, ImplicitMethod
+from particlesim.integrators import Composition, ImplicitMethod, Method, method_for
 from particlesim.interactions import PairSet
 from particlesim.preflight.heavy import too_heavy
 from particlesim.scenario.reach import acts_on, held_back, interacting, meetings_of, pair_sets, ties
@@ -21,6 +21,8 @@ PATIENCE = 3600.0
 """Seconds on one core beyond which psim warns of direct sums over all pairs of a run."""
 ONCE = ("gravity", "coulomb", "contact")
 """Interactions that act between two particles once, if at all."""
+OF_BOTH = "rk4, dop853 and implicit_midpoint"
+"""Some methods that step particles with and without inertia."""
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
 
 
@@ -70,12 +72,16 @@ def _format(scenario: Scenario) -> list[str]:
 
 
 def _order(scenario: Scenario) -> list[str]:
-    return [sentence for group in scenario.groups for sentence in loss_of_order(scenario, group)]
+    methods = methods_of(scenario)
+    return [
+        sentence
+        for group in scenario.groups
+        for sentence in loss_of_order(scenario, group, methods[group.name])
+    ]
 
 
-def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
+def loss_of_order(scenario: Scenario, group: Group, method: Method) -> tuple[str, ...]:
     """Kicks and drifts are first order when the force depends on the velocity that a kick changes."""
-    method = method_of(group, scenario.simulation.integrator)
     if not isinstance(method, Composition) or method.order < 2:
         return ()
     depends = [
@@ -92,6 +98,28 @@ def loss_of_order(scenario: Scenario, group: Group) -> tuple[str, ...]:
         f"{method.name} is only first order for {group.name!r}, because {' and '.join(depends)} "
         f"{'depends' if len(depends) == 1 else 'depend'} on the velocity; {better}",
     )
+
+
+def replaced(scenario: Scenario) -> tuple[str, ...]:
+    """Methods that a scenario asks for and that step no particle, as others without inertia step together with them: told
+    before a run."""
+    found, methods = [], methods_of(scenario)
+    for groups in islands_of(scenario):
+        inert = [group.name for group in groups if group.dynamics.type != "second_order"]
+        heavy = [group for group in groups if group.name not in inert]
+        if not inert or not heavy:
+            continue
+        asked = method_for(heavy[0].integrator or scenario.simulation.integrator)
+        taken = methods[heavy[0].name]
+        if asked.name != taken.name:
+            lost = "energy drifts; " if asked.symplectic and not taken.symplectic else ""
+            names = " and ".join(repr(group.name) for group in heavy)
+            found.append(
+                f"{inert[0]!r} has no inertia and steps together with {names}: {taken.name} steps them all, "
+                f"not {asked.name}; {lost}interactions among other groups, on = [...], let each have its method, "
+                f"and {OF_BOTH} step both"
+            )
+    return tuple(found)
 
 
 def _own(scenario: Scenario) -> Iterator[str]:
@@ -142,14 +170,14 @@ def sliding(scenario: Scenario, group: str | None = None) -> tuple[str, ...]:
 
 def _explicit(scenario: Scenario) -> list[str]:
     """Interactions of pairs that implicit methods have in their forces and not in their matrices."""
-    methods = {group.name: method_of(group, scenario.simulation.integrator) for group in scenario.groups}
+    methods = methods_of(scenario)
     numbers = {group.name: group for group in scenario.groups}
     found = []
     for each in pair_sets(scenario):
         if not isinstance(methods[each.groups[0]], ImplicitMethod):
             continue
-        count = int(sum(_number(numbers[name], scenario) for name in each.groups))
-        if each.law.is_contact or chosen(each.law, count) not in IN_MATRICES:
+        count = int(sum(number_of(numbers[name], scenario) for name in each.groups))
+        if each.law.is_contact or chosen_in(scenario, each, count) not in IN_MATRICES:
             found.append(
                 f"{each.name} is not in the matrix of {methods[each.groups[0]].name}: it needs steps as short as "
                 "those of an explicit method, or iterations do not converge"
@@ -175,24 +203,25 @@ def direct_seconds(scenario: Scenario) -> float:
 
 def _direct_sums(scenario: Scenario) -> Iterator[tuple[PairSet, float, float]]:
     """Interactions whose pairs are summed one by one, with how many there are, and seconds of a step on one core."""
-    tables = {group.name: group for group in scenario.groups}
+    tables, methods = {group.name: group for group in scenario.groups}, methods_of(scenario)
     for each in pair_sets(scenario):
-        counts = [_number(tables[name], scenario) for name in each.groups]
-        boxed = scenario.simulation.box is not None
-        if chosen(each.law, round(sum(counts)), boxed=boxed) == "direct":
+        counts = [number_of(tables[name], scenario) for name in each.groups]
+        if chosen_in(scenario, each, round(sum(counts))) == "direct":
             pairs = 2 * counts[0] * counts[1] if each.law.between is not None else sum(counts) ** 2
-            method = method_of(tables[each.groups[0]], scenario.simulation.integrator)
+            method = methods[each.groups[0]]
             yield each, pairs, pairs * max(method.evaluations, 1) / PAIR_RATE
 
 
 def long_sums(scenario: Scenario) -> tuple[str, ...]:
     """Warnings of interactions summed directly over so many pairs that the run takes hours."""
-    found = []
+    found, methods = [], methods_of(scenario)
     for each, pairs, step in _direct_sums(scenario):
         if step * scenario.grid.steps < PATIENCE:
             continue
         way = "fewer particles or fewer steps take less"
-        if each.law.method == "direct" and each.law.lacks_multipoles() is None:
+        if each.law.lacks_multipoles() is None and methods[each.groups[0]].smooth:
+            way = f"{methods[each.groups[0]].name} takes no tree, whose forces jump; velocity_verlet or dop853 does"
+        elif each.law.method == "direct" and each.law.lacks_multipoles() is None:
             way = 'method = "tree" sums far particles by multipoles'
         elif each.law.reach() is not None:
             way = 'method = "neighbours" sums near pairs only'
@@ -203,7 +232,7 @@ def long_sums(scenario: Scenario) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _number(group: Group, scenario: Scenario) -> float:
+def number_of(group: Group, scenario: Scenario) -> float:
     """About how many particles a group has at most at once."""
     if isinstance(group, Emitter):
         births = group.expected(scenario.grid.duration)

@@ -16,12 +16,11 @@ from particlesim.engine.interactions.mesh.fourier import half_of
 from particlesim.engine.interactions.mesh.mesh_pairs import Aim, first_plan, task_in
 from particlesim.engine.interactions.mesh.plan import class_of
 from particlesim.engine.interactions.mesh.split import ByCharge, ByMass
-from particlesim.engine.interactions.methods import chosen
+from particlesim.engine.interactions.methods import chosen_in
 from particlesim.engine.interactions.neighbours.record import BLOCK, ROOM, SKIN
 from particlesim.engine.interactions.tree.calibration import order_for
 from particlesim.engine.interactions.tree.field import new_tree
 from particlesim.engine.interactions.tree.form import BothSigns, Form, Gradient, OneSign, Plummer
-from particlesim.interactions import PairSet
 from particlesim.interactions.contact import Contact
 from particlesim.interactions.far import FarInteraction
 from particlesim.scenario.reach import pair_sets
@@ -44,7 +43,7 @@ def pair_bytes(scenario: Scenario, numbers: Mapping[str, float], width: int) -> 
         law, count = each.law, round(sum(numbers[name] for name in each.groups))
         if isinstance(law, Contact) or count == 0:
             continue
-        method = _method(scenario, each, count)
+        method = chosen_in(scenario, each, count)
         size = None if box is None else tuple(float(length) for length in box.size)
         if method == "neighbours":
             total += _list_bytes(count, law.reach() or 0.0, size, width)
@@ -61,13 +60,9 @@ def in_lists(scenario: Scenario, numbers: Mapping[str, float]) -> frozenset[str]
     listed = [
         each.groups
         for each, count in sets
-        if count and (isinstance(each.law, Contact) or _method(scenario, each, count) == "neighbours")
+        if count and (isinstance(each.law, Contact) or chosen_in(scenario, each, count) == "neighbours")
     ]
     return frozenset(name for groups in listed for name in groups)
-
-
-def _method(scenario: Scenario, pairs: PairSet, count: int) -> str:
-    return chosen(pairs.law, count, boxed=scenario.simulation.box is not None)
 
 
 def _tree_bytes(law: FarInteraction, count: int) -> float:

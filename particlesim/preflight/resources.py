@@ -13,9 +13,9 @@ from particlesim.bodies import Bodies
 from particlesim.bonds.base import Ties
 from particlesim.emitters import Emitter, Schedule
 from particlesim.errors import ResourceError
-from particlesim.graph.graph import method_of
+from particlesim.graph.graph import methods_of
 from particlesim.groups.group import Group, Particles
-from particlesim.integrators import RungeKutta
+from particlesim.integrators import Method, RungeKutta
 from particlesim.memory import available_memory
 from particlesim.model.arrays import Floats
 from particlesim.model.attributes import ATTRIBUTES
@@ -89,6 +89,7 @@ def needs(scenario: Scenario, *, recorded: bool = True) -> Needs:
     memory = float(BASE_MEMORY)
     checkpoint = 0.0
     numbers: dict[str, float] = {}
+    methods = methods_of(scenario)
     for group in scenario.groups:
         if isinstance(group, Particles):
             here = held = np.full(len(times), float(scenario.opened(group).number() or 0))
@@ -101,9 +102,9 @@ def needs(scenario: Scenario, *, recorded: bool = True) -> Needs:
             memory += born.max() * BIRTH_MEMORY
             total = schedule.total(grid.duration)
             births, deaths = births + total, deaths + max(total - int(here[-1]), 0)
-        memory += held.max() * _particle_bytes(scenario, group)
+        memory += held.max() * _particle_bytes(scenario, group, methods[group.name])
         numbers[group.name] = float(held.max())
-        checkpoint += here.max() * _saved_bytes(scenario, group)
+        checkpoint += here.max() * _saved_bytes(scenario, group, methods[group.name])
         alive += here
         stepped += held
     most = int(alive.max())
@@ -123,10 +124,9 @@ def _width(scenario: Scenario) -> int:
     return 8 if scenario.simulation.precision == "double" else 4
 
 
-def _particle_bytes(scenario: Scenario, group: Group) -> float:
+def _particle_bytes(scenario: Scenario, group: Group, method: Method) -> float:
     """Memory of a particle of a group while it is stepped."""
     number = _width(scenario)
-    method = method_of(group, scenario.simulation.integrator)
     size: float = 7 * number + 8  # position, velocity, mass; id
     size += _attribute_bytes(group, number)
     size += method.memory * number
@@ -163,13 +163,16 @@ def _in_space_bytes(scenario: Scenario, numbers: Mapping[str, float], listed: fr
         return 0.0
     beside = IN_SPACE_BYTES + IN_SPACE_NUMBERS * _width(scenario)
     groups = (group for group in scenario.groups if group.name in listed)
-    return sum(numbers[group.name] * (_saved_bytes(scenario, group) + beside) for group in groups)
+    methods = methods_of(scenario)
+    return sum(
+        numbers[group.name] * (_saved_bytes(scenario, group, methods[group.name]) + beside)
+        for group in groups
+    )
 
 
-def _saved_bytes(scenario: Scenario, group: Group) -> float:
+def _saved_bytes(scenario: Scenario, group: Group, method: Method) -> float:
     """Memory of a particle of a group in a checkpoint, which is a copy of the state until it is written."""
     number = _width(scenario)
-    method = method_of(group, scenario.simulation.integrator)
     clocked = isinstance(group, Emitter) or (isinstance(group, Particles) and bool(group.pinned))
     size = (7 + method.memory) * number + 8  # position, velocity, mass; id
     size += number * (not group.has("radius"))  # stored in any case

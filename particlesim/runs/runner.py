@@ -17,7 +17,8 @@ from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import suspects
 from particlesim.engine.state.group_state import CAUSES
 from particlesim.errors import DivergenceError, InputOutputError, Interrupted, UsageError
-from particlesim.preflight.advice import advice, long_sums
+from particlesim.preflight.advice import advice, long_sums, replaced
+from particlesim.preflight.jumps import jumps
 from particlesim.preflight.resources import check_fits, needs
 from particlesim.process.signals import held_signals
 from particlesim.runs.checks import Checks
@@ -106,7 +107,7 @@ def run(
     checks = Checks(scenario, bless=bless)
     with held_signals() as signals:  # the loading of compiled code would swallow an exception
         # first of all, as looks at the step take sums of forces, too
-        doubts = _told(long_sums(scenario), warn)
+        doubts = _told((*long_sums(scenario), *jumps(scenario), *replaced(scenario)), warn)
         simulation = Simulation(scenario, threads=threads)
         check_ledger(simulation)
         if path is not None:

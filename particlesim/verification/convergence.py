@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.errors import UsageError
-from particlesim.graph.graph import build_graph, method_of
+from particlesim.graph.graph import build_graph, methods_of
 from particlesim.groups.group import Group
 from particlesim.interactions import PairSet
 from particlesim.preflight.advice import loss_of_order, sliding
@@ -101,8 +101,7 @@ def verify(
     Needs seven times the work of a run, and the disk for at most 64 frames of each, in the folder for temporary files.
     Raises UsageError for methods that choose their own steps, and as `runner.run` does.
     """
-    for group in scenario.groups:
-        method = method_of(group, scenario.simulation.integrator)
+    for method in methods_of(scenario).values():
         if method.adaptive:
             raise UsageError(
                 f"{method.name} chooses its own steps, so its order cannot be seen by halving dt",
@@ -213,7 +212,7 @@ def _add(frames: Sequence[Frame], group: str, sums: dict[str, _Sums]) -> None:
 
 def _row(scenario: Scenario, group: Group, field: str, found: _Sums, steps: int) -> Convergence:
     """Order and errors from the differences."""
-    method = method_of(group, scenario.simulation.integrator)
+    method = methods_of(scenario)[group.name]
     coarse, fine = np.sqrt(found.squares / max(found.count, 1)).tolist()
     noise = ROUNDING * np.finfo(float).eps * math.sqrt(steps) * found.largest
     order = error = finest = None
@@ -246,7 +245,7 @@ def _row(scenario: Scenario, group: Group, field: str, found: _Sums, steps: int)
 def _reasons(scenario: Scenario, name: str) -> Iterator[str]:
     """What is known to cost a group its order."""
     group = next(group for group in scenario.groups if group.name == name)
-    yield from loss_of_order(scenario, group)
+    yield from loss_of_order(scenario, group, methods_of(scenario)[group.name])
     met = [f"{c.kind} {c.name or k}" for k, c in enumerate(scenario.all_colliders) if held_back(c, (name,))]
     if met:
         yield (

@@ -184,6 +184,46 @@ def test_temperature_over_time_is_of_a_group_about_its_centre(tmp_path: Path) ->
         temperatures(trajectory)
 
 
+@pytest.mark.parametrize("what", ["free", "pinned", "group"])
+def test_temperature_counts_what_can_move(tmp_path: Path, what: str) -> None:
+    # Velocities of variance k_B T/m in each direction: T from n particles is off by √(2/(3 n)), 1.5 % of 3000.
+    m, t = 6.63e-26, 300.0
+    each = {"type": "normal", "mean": 0, "std": math.sqrt(BOLTZMANN * t / m)}
+    layout = {"type": "lattice", "counts": [30, 10, 10], "spacing": 1e-9, "velocity": [each] * 3}
+    gas = {"name": "gas", "mass": m, "layout": layout}
+    if what != "free":
+        gas["pinned"] = {"type": "box", "min": [-1e-9] * 3, "max": [14.5e-9, 1e-8, 1e-8]}  # half of them
+    fields = {"every": 1, "fields": ["velocity", "mass"]}
+    with record(tmp_path / "a.vtkhdf", 1e-13, 1e-13, particles=[gas], output=fields) as trajectory:
+        found = temperatures(trajectory, group="gas" if what == "group" else None)
+    assert found == pytest.approx(np.full(2, t), rel=4 * math.sqrt(2 / (3 * 1500)))
+
+
+def test_rods_take_degrees_of_freedom(tmp_path: Path) -> None:
+    """Dumb-bells in thermal motion: velocities of free particles without their part along the rod, 5 of 6 freedoms."""
+    rng, n, t = np.random.default_rng(3), 2000, 300.0
+    m = np.tile([2e-26, 6e-26], n)
+    x = np.repeat(rng.random((n, 3)), 2, axis=0)
+    way = rng.normal(size=(n, 3))
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    x[1::2] += 1e-3 * way
+    v = rng.normal(size=(2 * n, 3)) * np.sqrt(BOLTZMANN * t / m)[:, None]
+    w = 1 / m[:2]
+    along = ((v[1::2] - v[::2]) * way).sum(axis=1)[:, None] * way / w.sum()
+    v[::2] += w[0] * along
+    v[1::2] -= w[1] * along
+    layouts = [{"type": "points", "position": x[k::2].tolist(), "velocity": v[k::2].tolist()} for k in (0, 1)]
+    groups = [
+        {"name": name, "mass": float(m[k]), "layout": layouts[k]} for k, name in enumerate(("light", "heavy"))
+    ]
+    rods = [{"between": ["light", "heavy"], "pairs": [[k, k] for k in range(n)]}]
+    output = {"every": 1, "fields": ["velocity", "mass"]}
+    with record(tmp_path / "a.vtkhdf", 1e-9, 1e-9, particles=groups, rods=rods, output=output) as trajectory:
+        for group in (None, "light", "heavy"):
+            found = temperatures(trajectory, group=group)
+            assert found == pytest.approx(np.full(2, t), rel=4 * math.sqrt(2 / (2.25 * n)))
+
+
 def test_arrangements_of_a_recorded_frame_are_those_of_its_particles(tmp_path: Path) -> None:
     """Densities are of masses where frames have them, else of numbers; a group's are of its particles alone."""
     pytest.importorskip("matplotlib")
@@ -336,6 +376,8 @@ def test_shapes_that_do_not_fit_are_told() -> None:
             for none in (0.0, [-1.0, 1.0], [np.nan, 1.0]):
                 with pytest.raises(ps.UsageError, match="masses are not all 0"):
                     of(none)
+    with pytest.raises(ps.UsageError, match=r"body 1 is at \[ *0\. +nan +0\. *\] with velocity"):
+        orbital_elements([[1, 0, 0], [0, np.nan, 0]], v, 1.0)
     for one, other in ((x, v[:1]), (x[:, :2], v[:, :2]), (np.eye(3)[None], np.eye(3)[None])):
         with pytest.raises(ps.UsageError, match="positions have the shape"):
             orbital_elements(one, other, 1.0)

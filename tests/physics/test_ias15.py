@@ -11,7 +11,11 @@ from numpy.polynomial import legendre
 from simulate import points, simulate, table
 
 import particlesim as ps
+from particlesim.engine.interactions.methods import chosen_in
 from particlesim.integrators.ias15 import NODES, monomial_to_newton, newton_to_monomial
+from particlesim.preflight.advice import long_sums
+from particlesim.preflight.jumps import jumps
+from particlesim.scenario.reach import pair_sets
 
 PERIOD = 2 * math.pi
 SHAPE = {"type": "point", "position": [0, 0, 0]}
@@ -167,3 +171,69 @@ def test_what_it_does_not_take_is_told(more: dict[str, Any], where: str) -> None
     with pytest.raises(ps.ScenarioError, match="ias15") as caught:
         ps.from_table(scenario)
     assert where in str(caught.value)
+
+
+def bodies(integrator: Any, law: dict[str, Any], count: int = 5000, **simulation: Any) -> ps.Scenario:
+    """As many bodies as a tree is faster for."""
+    layout = {"type": "plummer", "count": count, "mass": 1.0, "radius": 1.0, "constant": 1.0}
+    law = {"type": "gravity", "constant": 1.0, "softening": 0.1} | law
+    scenario = table(0.1, 0.01, integrator, particles=[{"name": "p", "layout": layout}], interactions=[law])
+    scenario["simulation"] |= simulation
+    return ps.from_table(scenario)
+
+
+def test_no_tree_is_taken_whose_forces_jump() -> None:
+    for integrator, way in (("ias15", "direct"), ("velocity_verlet", "tree")):
+        scenario = bodies(integrator, {})
+        assert chosen_in(scenario, pair_sets(scenario)[0], 5000) == way
+    (told,) = long_sums(bodies("ias15", {}, count=1_000_000))
+    assert "ias15 takes no tree, whose forces jump" in told
+    with pytest.raises(ps.ScenarioError, match="forces by a tree jump") as caught:
+        bodies("ias15", {"method": "tree"})
+    (mistake,) = caught.value.diagnostics
+    assert (mistake.path, mistake.allowed) == ("interactions.gravity.method", '"auto", "direct"')
+    with pytest.raises(ps.ScenarioError, match="forces by a mesh jump"):
+        bodies("ias15", {}, box={"size": [20.0, 20.0, 20.0]})
+
+
+@pytest.mark.parametrize(
+    ("integrator", "told"),
+    [
+        ({"method": "dop853", "tolerance": 1e-10}, ["a tolerance of 1e-06 or more, or accuracy = 1e-07"]),
+        ({"method": "rk45", "tolerance": 1e-7}, ["a tolerance of 1e-06 or more, or accuracy = 0.0001"]),
+        ("dop853", []),  # 1e-6
+        ("velocity_verlet", []),
+        ("ias15", []),
+    ],
+)
+def test_a_tolerance_below_what_a_tree_carries_is_told(integrator: Any, told: list[str]) -> None:
+    found = jumps(bodies(integrator, {}))
+    assert len(found) == len(told)
+    assert all(words in sentence for words, sentence in zip(told, found, strict=True))
+
+
+SPHERES = {"type": "soft_sphere", "epsilon": 1.0}
+ATOMS = {"type": "lennard_jones", "epsilon": 1.0, "sigma": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("law", "where"),
+    [
+        (ATOMS | {"cutoff": 2.5}, "jumps at the cutoff of 2.5 m"),
+        (ATOMS | {"cutoff": 2.5, "shift": "energy"}, "jumps at the cutoff of 2.5 m"),
+        (SPHERES | {"sigma": 0.5}, "begins at r = 0.5 m"),
+        (SPHERES, "begins where two particles touch"),
+        (ATOMS | {"cutoff": 2.5, "shift": "force"}, None),
+        (ATOMS, None),
+    ],
+)
+def test_forces_that_jump_are_told_before_a_run(law: dict[str, Any], where: str | None) -> None:
+    group = points((0, 0, 0), (1.2, 0, 0), name="p", radius=0.1, mass=1.0)
+    for integrator in ("ias15", "velocity_verlet"):
+        scenario = ps.from_table(table(1.0, 0.1, integrator, particles=[group], interactions=[law]))
+        found = jumps(scenario)
+        if where is None or integrator != "ias15":
+            assert found == ()
+        else:
+            (told,) = found
+            assert where in told

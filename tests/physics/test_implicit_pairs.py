@@ -140,3 +140,60 @@ def test_what_is_explicit_has_a_limit_and_says_so() -> None:
         scenario = ps.from_table(table(1.0, 0.1, integrator, particles=[group], interactions=[law]))
         step = ps.stability(scenario).step
         assert step == (pytest.approx(1, rel=1e-2) if limited else math.inf)
+
+
+def sphere(count: int) -> Table:
+    """Bodies of a sphere of mass 1 about whose middle they orbit in some seconds."""
+    rng = np.random.default_rng(2)
+    way = rng.normal(size=(count, 3))
+    x = way / np.linalg.norm(way, axis=1)[:, None] * rng.random(count)[:, None] ** (2 / 3)
+    v = 0.5 * np.cross([0, 0, 1], x)
+    layout = {"type": "points", "position": x.tolist(), "velocity": v.tolist()}
+    return {"name": "p", "mass": 1 / count, "layout": layout}
+
+
+def pull(method: str) -> Table:
+    law = {"name": "pull", "type": "gravity", "constant": 1.0, "softening": 0.2, "method": method}
+    return law | ({"accuracy": 1e-2} if method == "tree" else {})
+
+
+@pytest.mark.optimised
+@pytest.mark.parametrize(
+    ("integrator", "order"), [("implicit_midpoint", 2), ("trapezoidal", 2), ("bdf2", 2), (CONVERGED, 1)]
+)
+def test_a_tree_whose_forces_jump_is_solved_to_its_accuracy(integrator: Any, order: int) -> None:
+    # Forces are off by δ = 1e-2 of g ≈ 1 in no particular direction: after T = 0.8 s places are by less than δ g T²/2 = 3e-3
+    # in the mean square. Beside the tree's own solution in small steps the error of the method keeps its order.
+    group, steps = sphere(1500), (0.1, 0.05)
+    exact = ran("yoshida4", 0.025, 0.8, pull("direct"), group).final.position
+    own = ran("yoshida4", 0.025, 0.8, pull("tree"), group).final.position
+    found = [ran(integrator, dt, 0.8, pull("tree"), group).final.position for dt in (*steps, 0.025)]
+    assert rms(own - exact) < 3e-3
+    assert rms(found[2] - exact) < 3e-3 + (0 if order == 2 else 0.05)
+    misses = [rms(each - own) for each in found[:2]]
+    assert math.log2(misses[0] / misses[1]) == pytest.approx(order, abs=0.3)
+
+
+@pytest.mark.optimised
+def test_what_a_tree_leaves_of_equations_costs_no_energy() -> None:
+    # As by direct sums, but for what forces of an accuracy of 1e-2 do themselves, which a leapfrog shows, too.
+    drifts = []
+    for integrator in ("velocity_verlet", "implicit_midpoint"):
+        energies = ran(integrator, 0.02, 2.0, pull("tree"), sphere(1500)).ledger
+        total = energies["kinetic"] + energies["potential.pull"]
+        drifts.append(abs(total[-1] / total[0] - 1))
+    assert drifts[1] < 2 * drifts[0] + 1e-4
+
+
+@pytest.mark.optimised
+def test_same_bits_for_any_number_of_threads_with_a_tree() -> None:
+    one, three = (
+        ran("implicit_midpoint", 0.05, 0.2, pull("tree"), sphere(1500), threads=k).final for k in (1, 3)
+    )
+    assert np.array_equal(one.position, three.position)
+    assert np.array_equal(one.velocity, three.velocity)
+
+
+def rms(x: NDArray[np.float64]) -> float:
+    """Root of the mean square distance."""
+    return float(np.sqrt((x * x).sum(axis=1).mean()))

@@ -374,8 +374,50 @@ def test_an_accuracy_is_given_up_only_after_a_much_finer_cut() -> None:
         return calibration.calibrated(task, 1e-3, sample, 40.0, lambda plan: errors.pop(0))[1]
 
     assert found([1.2e-3, 1.1e-3, 8e-5]) == 8e-5
+    assert found([1.2e-2, 1.1e-1, 1.1e-2, 8e-5]) == 8e-5
     with pytest.raises(UsageError, match=r"1\.1e-03 is reached"):
-        found([1.2e-3, 1.1e-3, 1.1e-3])
+        found([1.2e-3, 1.1e-3, 1.1e-3, 1.1e-3])
+
+
+@pytest.mark.parametrize("accuracy", [3e-3, 1e-3])
+def test_a_clump_in_a_thin_background_has_the_accuracy_asked_for(accuracy: float) -> None:
+    """The first plan is for particles without order; the second, ten times as exact, has a coarser mesh and more errors."""
+    rng, n, size = np.random.default_rng(0), 600, (10.0, 10.0, 10.0)
+    way = rng.normal(size=(n, 3))
+    clump = 3 + 0.3 * rng.random(n)[:, None] ** (1 / 3) * way / np.linalg.norm(way, axis=1)[:, None]
+    x = np.concatenate([10 * rng.random((60, 3)), clump])
+    mass = np.full(len(x), 0.1)
+    law = {"method": "mesh", "accuracy": accuracy, "softening": 0.2}
+    simulation, _, found = begun(told(x, law, size, mass=0.1))
+    exact = ewald_sum(x, mass, box=size, constant=-1.0, softening=0.2, error=1e-6)
+    assert rms(found, exact, mass, 1000.0) < 1.01 * accuracy  # all of them are the sample
+    simulation.close()
+
+
+@pytest.mark.parametrize(
+    ("side", "precision", "words"),
+    [
+        (1e-80, "double", "size.0.*1e-50 to 1e[+]29 m"),
+        (1e80, "double", "size.0.*1e-50 to 1e[+]29 m"),
+        (1e120, "double", "size.0.*1e-50 to 1e[+]29 m"),
+        (1e25, "single", "single precision holds no squares"),
+        (1e-49, "double", None),
+        (1e28, "double", None),
+    ],
+)
+def test_boxes_beyond_numbers_are_refused(side: float, precision: str, words: str | None) -> None:
+    """Forces are as 1/side² in any box that is taken."""
+    x = side * np.array([[0.1, 0, 0], [0.4, 0, 0]])
+    scenario = told(x, {"softening": 0}, (side,) * 3, mass=1.0)
+    scenario["simulation"]["precision"] = precision
+    if words is None:
+        simulation, _, found = begun(scenario)
+        own = begun(told(x / side, {"softening": 0}, (1, 1, 1), mass=1.0))[2]
+        assert found * side**2 == pytest.approx(own, rel=1e-3, abs=1e-3 * np.abs(own).max())
+        simulation.close()
+    else:
+        with pytest.raises(PsimError, match=words):
+            begun(scenario)
 
 
 def test_two_in_one_place_are_told() -> None:

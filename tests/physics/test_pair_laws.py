@@ -486,9 +486,13 @@ def test_a_cutoff_whose_square_no_number_holds_cuts_nothing(method: str) -> None
 
 def test_a_length_beyond_all_numbers_is_told() -> None:
     group = points((0, 0, 0), (1, 0, 0), name="a")
-    law = {"type": "lennard_jones", "epsilon": 1.0, "sigma": 1e300}
-    with pytest.raises(ps.UsageError, match="no finite number"):
-        ps.run(ps.from_table(table(0.1, 0.01, particles=[group], interactions=[law])))
+    for sigma, told in (
+        (1e300, "holds no squares of lengths above 1.3e[+]154 m"),
+        (1e100, "no finite number"),
+    ):
+        law = {"type": "lennard_jones", "epsilon": 1.0, "sigma": sigma}
+        with pytest.raises(ps.UsageError, match=told):
+            ps.run(ps.from_table(table(0.1, 0.01, particles=[group], interactions=[law])))
 
 
 def test_a_tree_takes_bodies_in_one_place() -> None:

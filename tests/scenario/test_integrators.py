@@ -8,8 +8,9 @@ import pytest
 from simulate import points, table
 
 import particlesim as ps
-from particlesim.graph.graph import build_graph
+from particlesim.graph.graph import build_graph, methods_of
 from particlesim.integrators import METHODS, MethodName, method_for
+from particlesim.preflight.advice import replaced
 from particlesim.scenario.dump import to_table
 
 
@@ -91,3 +92,46 @@ def test_a_tolerance_that_the_numbers_cannot_hold_is_refused() -> None:
 
 def test_method_for_reads_both_forms() -> None:
     assert method_for("rk4") == method_for(METHODS["rk4"].options(method="rk4"))
+
+
+def mixed(method: Any, **dust: Any) -> ps.Scenario:
+    """A group with inertia and one without, which interact."""
+    groups = [
+        points((1, 0, 0), name="planet", mass=1.0),
+        points((0, 0, 0), name="dust", mass=1e-3, dynamics={"type": "first_order", "drag": 1.0}, **dust),
+    ]
+    law = {"type": "gravity", "constant": 1.0}
+    return ps.from_table(table(1.0, 0.1, method, particles=groups, interactions=[law]))
+
+
+def test_a_method_that_is_replaced_is_told_with_both_names() -> None:
+    for asked, taken in (("symplectic_euler", "explicit_euler"), ("yoshida4", "rk4")):
+        scenario = mixed(asked)
+        assert {each.name for each in methods_of(scenario).values()} == {taken}
+        assert {island.method.name for island in build_graph(scenario).islands} == {taken}
+        (told,) = replaced(scenario)
+        assert told.startswith("'dust' has no inertia and steps together with 'planet'")
+        assert f"{taken} steps them all, not {asked}; energy drifts" in told
+    for method in ("rk4", "dop853", "implicit_midpoint"):  # these need no velocity
+        assert methods_of(mixed(method))["planet"] == METHODS[method]
+        assert replaced(mixed(method)) == ()
+
+
+def test_ias15_is_not_replaced_for_what_has_inertia() -> None:
+    with pytest.raises(
+        ps.ScenarioError, match="'planet' would be stepped by dop853 and not by ias15"
+    ) as caught:
+        mixed("ias15")
+    assert caught.value.diagnostics[0].path == "particles.dust.dynamics"
+
+
+def test_options_that_both_methods_have_are_kept() -> None:
+    inert = {"dynamics": {"type": "first_order", "drag": 1.0}}
+    asked = {"method": "ias15", "tolerance": 1e-11, "minimum_step": 1e-9}
+    (method,) = methods_of(scenario(asked, name="p", **inert)).values()
+    assert method.label == "dop853 (tolerance = 1e-11, minimum_step = 1e-09)"
+    (method,) = methods_of(scenario("ias15", name="p", **inert)).values()
+    assert method == METHODS["dop853"]
+    words, path, _ = mistake({"method": "ias15", "tolerance": 1e-15}, **inert)
+    assert "cannot hold a tolerance of 1e-15" in words
+    assert path == "simulation.integrator.tolerance"

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import kernel, shared
+from particlesim.compiler import kernel, outlined, shared
 from particlesim.compiler.barrier import meet
 from particlesim.engine.coupled.forces import evaluate, roll, twist
 from particlesim.engine.coupled.kernel import begin_step, end_interval, end_step, inertialess
@@ -42,6 +42,8 @@ GOING = -1
 """A solution is still looked for."""
 FORCING = 1e-2
 """How far the linear solve of a Newton iteration reduces the residual."""
+STALL = 0.9
+"""A residual that is more than this part of the one before falls no longer."""
 LEAST = 1e-4
 """How far the first linear solve of a step reduces the residual at least, also where that is less than rounding of
 positions: particles that move less in a step than that are still accelerated."""
@@ -92,25 +94,29 @@ def evolve_implicit(
     begin(method, parts, bonds, c, work, share, t, end, h)
     turn_ahead(c, share, type_of(h, method.node) * h)
     ended, iterations, spent, halved, taken = GOING, 0, 0, 0, 1.0
-    first, last, goal, enough, size = 0.0, np.inf, 0.0, 0.0, 0.0
+    first, last, goal, enough, size, slack = 0.0, np.inf, 0.0, 0.0, 0.0, 0.0
     while ended == GOING:
         evaluate(parts, bonds, c, work, share, now, None)
         plain, symmetric, rounding = linearise(parts, bonds, c, s, work.force, share, now, reach)
         size = size2(s, share)
         if iterations == 0:
-            first = size
+            first, slack = size, left_by_errors(c, s, share)
             exact, rounded = method.tolerance * method.tolerance * size, method.rounding**2 * rounding
             goal, enough = max(exact, rounded), max(exact, min(rounded, LEAST * LEAST * size))
         if not size < np.inf:
             ended = WILD
         elif size <= goal and (iterations > 0 or size == 0):
             ended = SOLVED
+        elif STALL * STALL * last < size <= slack:
+            ended = SOLVED
+            if size > last:  # the state before was the better one
+                change(c, s, share, -taken, reach)
         elif size > GROWTH * GROWTH * last and halved < HALVINGS:
             halved, taken = halved + 1, 0.5 * taken
             change(c, s, share, -taken, reach)
             meet(share.gate, share.threads)
         elif iterations == method.limit:
-            ended = UNSOLVED
+            ended = SOLVED if size <= slack else UNSOLVED
         else:
             wanted = max(FORCING * FORCING * size, 0.25 * goal)
             if method.linear or (iterations == 0 and wanted > FORCING * FORCING * size):
@@ -133,6 +139,37 @@ def evolve_implicit(
     if share.number == 0:
         s.report[0], s.report[2], s.report[3] = ended, iterations, spent
         s.report[1] = np.sqrt(size / first) if first > 0 else 0.0
+
+
+def left_by_errors(c: Any, s: Any, share: Any) -> Any:
+    """The square of the residual that errors of forces leave which are not exact, as those by a tree; 0 without such.
+
+    They jump by about as much where particles move from one cell to the next, in iterations, too: the equations may have no
+    solution, and none is closer to that of exact forces.
+    """
+    if not any(type(each).inexact for each in share.elements):
+        return 0.0
+    for lo in range(share.first, share.last, share.chunk):
+        total = 0.0
+        for each in share.elements:
+            total += of_errors(each, c, s, lo, min(lo + share.chunk, share.last))
+        s.partial[1, lo // share.chunk] = total
+    meet(share.gate, share.threads)
+    found = summed(s.partial, 1)
+    meet(share.gate, share.threads)  # before the solver writes there
+    return found
+
+
+@outlined
+def of_errors(each: Any, c: Any, s: Any, lo: Any, hi: Any) -> float:
+    """Σ tr(M⁻¹)/3 δf² over particles [lo, hi) for one set: rᵀ M⁻¹ r of errors δf in no particular direction."""
+    total = 0.0
+    if type(each).inexact:
+        for i in range(lo, hi):
+            trace = float(s.block[0, i]) + float(s.block[1, i]) + float(s.block[2, i])
+            miss = float(type(each).error_of(each, c, i))
+            total += trace / 3 * miss * miss
+    return total
 
 
 def solve(

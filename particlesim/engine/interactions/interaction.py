@@ -87,6 +87,9 @@ class Interaction:
     """Whether `add_forces` reads of other particles only what `prepare` has found out: particles may then move as soon as
     the forces on them are known."""
 
+    inexact: ClassVar[bool] = False
+    """Whether its forces are known to an accuracy alone (`error_of`), and may jump by as much from one place to the next."""
+
     concludes: ClassVar[bool] = False
     """Whether it has something to do at the end of every step (`conclude`)."""
     looks_back: ClassVar[bool] = False
@@ -135,6 +138,9 @@ class Interaction:
 
     def multiply_together(self, form: Any, x: Any, share: Any) -> None:
         """What `multiply` adds afterwards, once threads have met, to particles of any thread."""
+
+    def error_of(self, c: Any, i: Any) -> Any:
+        """By how much its last force on particle i may be off [N], of one that is `inexact`."""
 
     # ---- Python
 

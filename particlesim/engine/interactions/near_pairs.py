@@ -238,6 +238,15 @@ def _read(columns: Any, rows: Any) -> Any:
     return tuple((column, row) for column, row in zip(columns, rows, strict=True) if row is not None)
 
 
+def pull_on(each: Any, i: Any) -> float:
+    """How large its last force on particle i is [N]."""
+    k = each.near.place[i]
+    if k < 0:
+        return 0.0
+    x, y, z = float(each.pull[k, 0]), float(each.pull[k, 1]), float(each.pull[k, 2])
+    return float(np.sqrt(x * x + y * y + z * z))
+
+
 def look_in(each: Any, c: Any, share: Any, t: Any) -> None:
     """`bring_up` for others than forces, which are due afterwards."""
     bring_up(each, c, share, t)

@@ -40,10 +40,9 @@ from particlesim.engine.interactions.pair_tensors import PairTensors, add_bounds
 from particlesim.engine.state.columns import presence, type_of
 from particlesim.engine.step.records import as_precision
 from particlesim.errors import UsageError
-from particlesim.graph.graph import method_of
+from particlesim.graph.graph import methods_of
 from particlesim.integrators import Method
 from particlesim.interactions import PairInteraction, PairSet
-from particlesim.interactions.far import FarInteraction
 from particlesim.laws.pair import pair_potential
 from particlesim.laws.registry import has_law
 from particlesim.model.vectors import square
@@ -343,16 +342,13 @@ def virial_of_pairs(each: Any, c: Any, t: Any, out: Any) -> None:
 def pairs_of(site: Site, pairs: PairSet, *, again: bool = True) -> DirectPairs:
     """An interaction among the particles of an island; `again` if the last sum of forces is worth to be kept.
 
-    Raises UsageError for two at one place, if they have no force there, and for masses whose products no number holds.
+    Raises UsageError for two at one place, if they have no force there.
     """
     law = pairs.law
     spans = spans_of(site, pairs)
     if law.singular() and site.began:
         with site.scenario.at_interaction(pairs.name):
             refuse_coincident(site, pairs)
-    if again and site.began and site.dtype == np.float32 and isinstance(law, FarInteraction):
-        with site.scenario.at_interaction(pairs.name):
-            _refuse_products(site, pairs, law)
     number = sum((b - a) * (d - c) for a, b, c, d in spans.tolist()) // 2
     if pairs.law.between is None:
         number -= sum(site.state[name].count for name in pairs.groups) // 2
@@ -362,30 +358,9 @@ def pairs_of(site: Site, pairs: PairSet, *, again: bool = True) -> DirectPairs:
     return DirectPairs(*(*what_acts(site, pairs, spans), number, periods_of(site, pairs), kept))
 
 
-def _refuse_products(site: Site, pairs: PairSet, law: FarInteraction) -> None:
-    """Raise UsageError for masses of which single precision holds no product: nothing would move, or everything at once."""
-    if law.by != "mass":
-        return
-    masses = np.sort(np.concatenate([site.state[name].mass.astype(float) for name in pairs.groups]))[-2:]
-    if masses.size < 2 or masses[0] == 0:
-        return
-    pull = abs(law.coupling()) * float(masses[1]) ** 2
-    if 0 < pull < float(np.finfo(np.float32).tiny):
-        raise UsageError(
-            f"{pairs.name}: G m² = {pull:.1e} N m² of the heaviest particles is less than single precision holds",
-            'precision = "double" in [simulation], or method = "tree"',
-        )
-    if (product := float(masses.prod())) > float(np.finfo(np.float32).max):
-        raise UsageError(
-            f"{pairs.name}: m₁ m₂ = {product:.1e} kg² of the heaviest particles is more than single precision holds",
-            'precision = "double" in [simulation], or other units of mass',
-        )
-
-
 def method_among(site: Site, pairs: PairSet) -> Method:
     """The method that steps the particles of an interaction, the same for all."""
-    group = next(each for each in site.scenario.groups if each.name == pairs.groups[0])
-    return method_of(group, site.scenario.simulation.integrator)
+    return methods_of(site.scenario)[pairs.groups[0]]
 
 
 def new_last(law: PairInteraction, count: int, dtype: Any) -> Last:
@@ -400,7 +375,8 @@ def what_acts(site: Site, pairs: PairSet, spans: Any) -> tuple[Any, ...]:
     record = as_precision(law.in_steps(grid.dt, site.scenario.simulation.seed), dtype)
     reach = law.reach()
     least = None if _acts_at_once(law, dtype) else dtype.type(0 if law.singular() else np.finfo(dtype).tiny)
-    most = None if reach is None else dtype.type(square(reach))
+    with np.errstate(over="ignore"):  # an infinite one cuts nothing
+        most = None if reach is None else dtype.type(square(reach))
     own = np.zeros((2, site.whole.count), dtype)
     for name in pairs.groups:
         first, count = site.offset[name], site.state[name].count

@@ -14,8 +14,9 @@ from particlesim.scenario.rules import bodies, impacts, interactions, joints, pe
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
 from particlesim.scenario.rules.derivatives import undifferentiable
+from particlesim.scenario.rules.inertia import stepped_together
 from particlesim.scenario.rules.orbits import orbits
-from particlesim.scenario.rules.tolerances import few_bodies, too_fine
+from particlesim.scenario.rules.tolerances import few_bodies, too_fine, without_jumps
 from particlesim.scenario.tables import Tables
 
 MOST_BIRTHS = 10**12
@@ -242,6 +243,8 @@ CHECKS = (
     pictures.colors,
     too_fine,
     few_bodies,
+    without_jumps,
+    stepped_together,
     orbits,
     pictures.styles,
     disagreements,

@@ -118,7 +118,7 @@ def which(here: Path, name: str, number: int | None, there: Path) -> Invalid:
 def pulled(scenario: Tables) -> Iterator[Invalid]:
     """Springs and rods join particles that are there from the start and that forces move."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
-    for here, names, law in _coupling_tables(scenario):
+    for here, names, law in coupling_tables(scenario):
         what, join = _words(here)
         for name in dict.fromkeys(names):
             path, group = tables[name]
@@ -143,7 +143,7 @@ def pulled(scenario: Tables) -> Iterator[Invalid]:
 def joined(scenario: Tables) -> Iterator[Invalid]:
     """What groups joined by springs or rods have in common."""
     tables = {group.name: (path, group) for path, group in group_tables(scenario)}
-    for here, names, _ in _coupling_tables(scenario):
+    for here, names, _ in coupling_tables(scenario):
         what, join = _words(here)
         (path, first), (other, second) = (tables[name] for name in names)
         methods = [
@@ -167,10 +167,10 @@ def _words(here: Path) -> tuple[str, str]:
 
 def held(scenario: Tables) -> Iterator[Invalid]:
     """What rods cannot do."""
-    yield from unfit(scenario, [names for _, names, _ in _coupling_tables(scenario)])
+    yield from unfit(scenario, [names for _, names, _ in coupling_tables(scenario)])
 
 
-def _coupling_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
+def coupling_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str], SpringLaw]]:
     """Where particles are coupled at all: by springs, rods, angles and dihedrals, interactions, drag on a surface; all but
     the first as springs that are neither damped nor given by mass."""
     yield from bond_tables(scenario)
@@ -188,7 +188,7 @@ def _coupling_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str], 
 
 def joint_tables(scenario: Tables) -> Iterator[tuple[Path, tuple[str, str]]]:
     """Where particles are joined, by springs, rods, angles, dihedrals or drag on a surface, and the groups."""
-    for place, names, _ in _coupling_tables(scenario):
+    for place, names, _ in coupling_tables(scenario):
         if place[0] != "interactions":
             yield place, names
 

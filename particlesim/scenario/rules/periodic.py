@@ -127,6 +127,8 @@ def _reaches(scenario: Tables, box: PeriodicBox) -> Iterator[Invalid]:
             )
 
 
+SIDES = (1e-50, 1e29)
+"""Sides of a box [m] for which numbers hold all powers of distances, and neighbour lists find particles."""
 WIDEST = 100.0
 """Softenings over the longest side of a box beyond which they are slips of the hand: no force is left."""
 
@@ -140,6 +142,16 @@ def _images(each: FarInteraction, here: Path, box: PeriodicBox, shortest: float)
             ((BOX, "here"),),
             allowed=f"up to {WIDEST * longest:g} m",
         )
+    least, most = SIDES
+    for axis, size in enumerate(box.size):
+        if not least <= size <= most:
+            yield Invalid(
+                f"a side of {size:g} m: sums over all images take powers of it that no number holds",
+                (*BOX, "size", axis),
+                ((here, "summed by a mesh"),),
+                allowed=f"{least:g} to {most:g} m; other units of length",
+            )
+            return
     if not all(box.periodic):
         axes = " and ".join("xyz"[k] for k in range(3) if not box.periodic[k])
         yield Invalid(

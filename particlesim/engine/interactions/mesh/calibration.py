@@ -34,6 +34,9 @@ MOST_WAVES = 30_000_000
 """Waves of Ewald's sums: they take seconds, and a GiB of memory."""
 TIGHTEST, GAIN = 10.0, 0.7
 """How much more exact a plan is than the one before at most; and what part of the error must then be left at most."""
+MOST_IDLE = 3
+"""Plans in a row that leave more than that, after which none is looked for: where mesh and near part share the work in
+another way than before, one such plan may follow a better one."""
 
 
 class Sample(NamedTuple):
@@ -94,7 +97,7 @@ def calibrated(
 ) -> tuple[Plan, float]:
     """A plan and its error, as `measure` finds it; `total` is Σ w². Raises UsageError where the accuracy cannot be had."""
     unit = math.sqrt(float(((sample.weight / sample.need) ** 2).mean()) * total)
-    allowed, change = AIM * accuracy / unit, 1.0
+    allowed, idle = AIM * accuracy / unit, 0
     tried: list[tuple[float, Plan]] = []
     for turn in range(ROUNDS):
         plan = planned(task, allowed)
@@ -108,16 +111,16 @@ def calibrated(
                 "places, masses or charges are out of all proportion; give other units",
             )
         stuck = turn > 0 and error > GAIN * tried[-2][0] and error > accuracy
-        if stuck and change == 1 / TIGHTEST:
+        idle = idle + 1 if stuck else 0
+        if stuck and (idle == MOST_IDLE or plan == tried[-2][1]):
             break  # it is not the cut that makes the error
         change = AIM * accuracy / max(error, 1e-300)
-        change = 1 / TIGHTEST if stuck else min(max(change, 1 / TIGHTEST), TIGHTEST)
-        allowed *= change
+        allowed *= 1 / TIGHTEST if stuck else min(max(change, 1 / TIGHTEST), TIGHTEST)
     good = [each for each in tried if each[0] <= accuracy]
     if not good:
         raise UsageError(
             f"forces cannot be as accurate as {accuracy:g} with a mesh: {min(tried)[0]:.1e} is reached",
-            'a larger accuracy, or precision = "double"'
+            'a larger accuracy, or precision = "double" where it is single'
             if max(plan.shape) < SIZES[-1]
             else f"a larger accuracy, or a box that is not as long: a mesh has {SIZES[-1]} nodes along an axis at most",
         )

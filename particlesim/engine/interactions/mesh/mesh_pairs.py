@@ -59,6 +59,7 @@ from particlesim.engine.interactions.near_pairs import (
     near_energy,
     near_forces,
     near_virial,
+    pull_on,
 )
 from particlesim.engine.interactions.near_sums import pull_all
 from particlesim.engine.interactions.neighbours.record import (
@@ -141,6 +142,7 @@ class MeshPairs(NearLists, MeshColumns):
 
     __slots__ = ()
     follows: ClassVar[frozenset[str]] = frozenset(MeshColumns._fields) - {"plan"}
+    inexact: ClassVar[bool] = True
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:
         near, changed = self.near, bring_up(self, c, share, t)
@@ -151,6 +153,9 @@ class MeshPairs(NearLists, MeshColumns):
             far_forces(on_mesh(self), self.influence, self.aim.strength, self.pull, crew)
             if share.number == 0:
                 near.report[DUE] = 0
+
+    def error_of(self, c: Any, i: Any) -> Any:
+        return self.aim.accuracy * pull_on(self, i)
 
     @property
     def effort(self) -> int:

@@ -69,6 +69,7 @@ class TreePairs(Interaction, TreeColumns):
     __slots__ = ()
     prepares: ClassVar[bool] = True
     settled: ClassVar[bool] = True
+    inexact: ClassVar[bool] = True
     follows: ClassVar[frozenset[str]] = frozenset(TreeColumns._fields) - {"size", "limits"}
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:
@@ -82,6 +83,11 @@ class TreePairs(Interaction, TreeColumns):
             total[0, i] += k * field[0, i]
             total[1, i] += k * field[1, i]
             total[2, i] += k * field[2, i]
+
+    def error_of(self, c: Any, i: Any) -> Any:
+        field = self.tree.field
+        size = field[0, i] * field[0, i] + field[1, i] * field[1, i] + field[2, i] * field[2, i]
+        return self.limits[calibration.TARGET] * abs(self.coupling * weight_of(self, c, i)) * np.sqrt(size)
 
     @property
     def number(self) -> int:
