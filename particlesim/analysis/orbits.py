@@ -36,8 +36,9 @@ class Elements:
 def orbital_elements(position: npt.ArrayLike, velocity: npt.ArrayLike, mu: npt.ArrayLike) -> Elements:
     """Elements of bodies from position and velocity relative to the central body.
 
-    position [m], velocity [m/s]: [n, 3] or [3]; mu: G (M + m) [m³/s²], a number or [n]. Raises UsageError for shapes that
-    do not fit, a body in the centre, or mu ≤ 0. Source: C. D. Murray, S. F. Dermott, Solar System Dynamics, section 2.8.
+    position [m], velocity [m/s]: [n, 3] or [3]; mu: G (M + m) [m³/s²], a number or [n]. Raises UsageError for shapes that do
+    not fit, numbers that are not finite, a body in the centre, or mu ≤ 0. Source: C. D. Murray, S. F. Dermott, Solar System
+    Dynamics, section 2.8.
     """
     x, v = np.atleast_2d(np.asarray(position, float)), np.atleast_2d(np.asarray(velocity, float))
     if x.shape != v.shape or x.ndim != 2 or x.shape[1] != 3:
@@ -47,6 +48,9 @@ def orbital_elements(position: npt.ArrayLike, velocity: npt.ArrayLike, mu: npt.A
     strength = per_particle(mu, len(x), "mu")
     if not (strength > 0).all():
         raise UsageError("mu must be above 0", "G times the sum of both masses, in m³/s²")
+    if not (known := (np.isfinite(x) & np.isfinite(v)).all(axis=1)).all():
+        body = int(np.argmin(known))
+        raise UsageError(f"body {body} is at {x[body]} with velocity {v[body]}", "finite numbers are needed")
     r = np.linalg.norm(x, axis=1)
     if not (r > 0).all():
         raise UsageError(

@@ -14,7 +14,7 @@ from particlesim.engine.diagnosis.crowding import crowded
 from particlesim.engine.diagnosis.overlaps import no_room, overlaps
 from particlesim.engine.islands.base import Intrusion
 from particlesim.engine.simulation import Simulation
-from particlesim.engine.stability.limits import remedy
+from particlesim.engine.stability.limits import double_advised, remedy
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.groups.group import Particles
@@ -46,7 +46,8 @@ def check_ledger(simulation: Simulation) -> None:
         for island in simulation.islands:
             island.refuse_wild(simulation.time)
         raise UsageError(
-            f"the ledger's {name} is not finite at the start: {_extremes(simulation)}", TOO_LARGE
+            f"the ledger's {name} is not finite at the start: {_extremes(simulation)}",
+            double_advised(simulation.scenario) or TOO_LARGE,
         )
 
 

@@ -376,6 +376,8 @@ def test_shapes_that_do_not_fit_are_told() -> None:
             for none in (0.0, [-1.0, 1.0], [np.nan, 1.0]):
                 with pytest.raises(ps.UsageError, match="masses are not all 0"):
                     of(none)
+    with pytest.raises(ps.UsageError, match=r"body 1 is at \[ *0\. +nan +0\. *\] with velocity"):
+        orbital_elements([[1, 0, 0], [0, np.nan, 0]], v, 1.0)
     for one, other in ((x, v[:1]), (x[:, :2], v[:, :2]), (np.eye(3)[None], np.eye(3)[None])):
         with pytest.raises(ps.UsageError, match="positions have the shape"):
             orbital_elements(one, other, 1.0)

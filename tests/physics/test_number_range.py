@@ -52,7 +52,11 @@ def test_neighbours_beyond_where_lists_look_are_refused() -> None:
     ("law", "sizes", "told"),
     [
         ({"type": "power_law", "strength": 1e10, "exponent": 2}, {"mass": 6.6e-26}, "m₁ m₂ = 4.4e-51 kg²"),
-        ({"type": "power_law", "strength": 1.0, "exponent": 1}, {"mass": 1e20}, "m₁ m₂ = 1.0e[+]40 kg²"),
+        (
+            {"type": "power_law", "strength": 1.0, "exponent": 1},
+            {"mass": 1e20},
+            "masses, 1e[+]20 and 1e[+]20 kg, is more",
+        ),
         ({"type": "coulomb"}, {"charge": 1.6e-20}, "q₁ q₂ = 2.6e-40 C²"),
         (
             {"type": "coulomb", "cutoff": 1e-6, "method": "neighbours"},
@@ -73,6 +77,24 @@ def test_products_that_round_away_are_refused(law: dict[str, Any], sizes: dict[s
     Simulation(ps.from_table(scenario)).close()
     scenario["simulation"]["precision"] = "single"
     with pytest.raises(ps.UsageError, match=f"{told}.* than single precision holds"):
+        Simulation(ps.from_table(scenario))
+
+
+@pytest.mark.parametrize(
+    ("law", "sizes", "method"),
+    [
+        ("gravity", {"mass": 2e36}, "tree"),
+        ("gravity", {"mass": 2e36}, "mesh"),
+        ("coulomb", {"charge": 1.6e-20}, "mesh"),
+    ],
+)
+def test_trees_and_meshes_advise_double_precision(law: str, sizes: dict[str, Any], method: str) -> None:
+    group = points((0, 0, 0), (1, 0, 0), (0, 1, 0), name="a", **{"mass": 1e-26, **sizes})
+    scenario = table(1e-6, 1e-7, particles=[group], interactions=[{"type": law, "method": method}])
+    scenario["simulation"] |= {"precision": "single"} | (
+        {"box": {"size": [4.0] * 3}} if method == "mesh" else {}
+    )
+    with pytest.raises(ps.UsageError, match=r'than single precision holds.*precision = "double"'):
         Simulation(ps.from_table(scenario))
 
 

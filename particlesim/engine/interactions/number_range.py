@@ -17,6 +17,7 @@ from particlesim.errors import UsageError
 from particlesim.interactions import PairSet
 
 DOUBLE = 'precision = "double" in [simulation]'
+WORDS = {"mass": "masses", "charge": "charges"}
 PAIR_BY_PAIR = ("direct", "neighbours", "contacts", "impulses")
 """Methods that take squares of distances in the numbers of the run."""
 
@@ -29,8 +30,7 @@ def refuse_out_of_range(site: Site, pairs: PairSet, way: str) -> None:
         _refuse_wide(site, pairs)
     if way == "neighbours":
         _refuse_far(site, pairs)
-    if way in ("direct", "neighbours"):
-        _refuse_products(site, pairs)
+    _refuse_products(site, pairs, way)
 
 
 def _refuse_lengths(site: Site, pairs: PairSet) -> None:
@@ -89,8 +89,9 @@ def _refuse_far(site: Site, pairs: PairSet) -> None:
         )
 
 
-def _refuse_products(site: Site, pairs: PairSet) -> None:
-    """The least product that a particle feels is that with the one of the largest mass or charge."""
+def _refuse_products(site: Site, pairs: PairSet, way: str) -> None:
+    """The least product that a particle feels is that with the one of the largest mass or charge. A tree has small ones in
+    double precision; whoever looks at the step has large ones in that of the run."""
     product = pairs.law.product()
     if product is None:
         return
@@ -105,14 +106,16 @@ def _refuse_products(site: Site, pairs: PairSet) -> None:
         largest, least = float(sizes[-1] * sizes[-2]), float(sizes[0] * sizes[-1])
     if largest > float(limits.max):
         raise UsageError(
-            f"{pairs.name}: {symbol}₁ {symbol}₂ = {largest:.1e} {unit}² of the two largest particles is more {held}",
+            f"{pairs.name}: the product of the two largest {WORDS[by]}, {sizes[-1]:.3g} and {sizes[-2]:.3g} {unit}, "
+            f"is more {held}",
             _better(site, by),
         )
-    if min(least, least * abs(factor)) < float(limits.tiny):
+    if way != "tree" and min(least, least * abs(factor)) < float(limits.tiny):
         raise UsageError(
             f"{pairs.name}: {symbol}₁ {symbol}₂ = {least:.1e} {unit}², times {abs(factor):.1e}, of the smallest particle "
             f"and the largest is less {held}",
-            _better(site, by) + (', or method = "tree"' if pairs.law.lacks_multipoles() is None else ""),
+            _better(site, by)
+            + (', or method = "tree"' if way == "direct" and pairs.law.lacks_multipoles() is None else ""),
         )
 
 

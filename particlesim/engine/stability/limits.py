@@ -31,6 +31,7 @@ from particlesim.integrators.regions import (
     largest_step,
 )
 from particlesim.interactions import PairSet
+from particlesim.scenario.scenario import Scenario
 
 TOLERATED = 10.0
 """Factor by which a mode may grow in a whole run before there is a warning: methods such as `heun` let every undamped
@@ -189,6 +190,13 @@ def unlimited() -> tuple[str, ...]:
     )
 
 
+def double_advised(scenario: Scenario) -> str:
+    """What to do about numbers that single precision does not hold; "" in double precision."""
+    if scenario.simulation.precision == "double":
+        return ""
+    return 'precision = "double" under [simulation] holds numbers from 1e-308 to 1e308, and "single" from 1e-38 to 3e38'
+
+
 @contextmanager
 def _within_numbers(world: World, number: int) -> Iterator[None]:
     """Turns what no number can hold into a UsageError."""
@@ -203,7 +211,8 @@ def _within_numbers(world: World, number: int) -> Iterator[None]:
         least = f", whose masses begin at {min(map(np.min, masses)):.3g} kg," if masses else ""
         raise UsageError(
             f"the rates at which forces move {names}{least} are not finite, or beyond what numbers hold",
-            "a stiffness, a coefficient or a mass is out of all proportion, or a force has no value where a particle starts",
+            "a stiffness, a coefficient or a mass is out of all proportion, or a force has no value where a particle starts"
+            + (f"; {in_double}" if (in_double := double_advised(world.scenario)) else ""),
         ) from None
 
 
