@@ -17,6 +17,7 @@ from particlesim.errors import UsageError
 from particlesim.interactions import PairSet
 
 DOUBLE = 'precision = "double" in [simulation]'
+WORDS = {"mass": "masses", "charge": "charges"}
 PAIR_BY_PAIR = ("direct", "neighbours", "contacts", "impulses")
 """Methods that take squares of distances in the numbers of the run."""
 
@@ -105,7 +106,8 @@ def _refuse_products(site: Site, pairs: PairSet, way: str) -> None:
         largest, least = float(sizes[-1] * sizes[-2]), float(sizes[0] * sizes[-1])
     if largest > float(limits.max):
         raise UsageError(
-            f"{pairs.name}: {symbol}₁ {symbol}₂ = {largest:.1e} {unit}² of the two largest particles is more {held}",
+            f"{pairs.name}: the product of the two largest {WORDS[by]}, {sizes[-1]:.3g} and {sizes[-2]:.3g} {unit}, "
+            f"is more {held}",
             _better(site, by),
         )
     if way != "tree" and min(least, least * abs(factor)) < float(limits.tiny):

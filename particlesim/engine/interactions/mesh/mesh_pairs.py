@@ -228,8 +228,7 @@ class MeshPairs(NearLists, MeshColumns):
         near = float(near_energy(self, c._replace(clock=None), lone(c.x.size)))
         power, _ = self._power(c)
         weight = weights_of(self, c)
-        own = own_height(self.made.alpha, self.aim.softening)
-        own = (own + self.excess) * float((weight**2).sum())
+        own = (own_height(self.made.alpha, self.aim.softening) + self.excess) * float((weight**2).sum())
         far = -0.5 * self.aim.strength * (float(power.sum()) - own)
         return near + far + self._background(weight) + self._ended(weight)
 
@@ -241,9 +240,8 @@ class MeshPairs(NearLists, MeshColumns):
         power, k = self._power(c)
         squares = sum(each**2 for each in k)
         steep = power * _transform(self).slopes(np.asarray(squares))
-        far = np.array([[float((steep * a * b).sum()) for a in k] for b in k]) + float(power.sum()) * np.eye(
-            3
-        )
+        far = np.array([[float((steep * a * b).sum()) for a in k] for b in k])
+        far += float(power.sum()) * np.eye(3)
         rest = self._background(weights_of(self, c)) * np.eye(3)
         return out.reshape(3, 3) - 0.5 * self.aim.strength * far + rest
 
