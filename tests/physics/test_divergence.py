@@ -214,7 +214,9 @@ def test_a_path_of_a_collider_that_ends_between_frames_is_named() -> None:
         motions=[{"name": "lift", "collider": "box", "path": ["sqrt(0.05 - t)", "y", "z"]}],
         output={"every": 100},
     )
-    with pytest.raises(ps.DivergenceError, match=r"lift gives the collider 'box' is not finite at t = 0\.05 s"):
+    with pytest.raises(
+        ps.DivergenceError, match=r"lift gives the collider 'box' is not finite at t = 0\.05 s"
+    ):
         ps.run(ps.from_table(scenario))
 
 
