@@ -86,9 +86,9 @@ def listed(parts: Sequence[Solid]) -> str:
     return f"{', '.join(some)} and {last}" if some else last
 
 
-def are_apart(parts: Sequence[Solid], shapes: Sequence[Any], reach: float) -> bool:
-    """Whether it is sure that shapes made of some solids have no point in common up to `reach` [m]."""
-    return all(part.exact for part in parts) and surely_apart(shapes, reach)
+def are_exact(parts: Sequence[Solid]) -> bool:
+    """Whether the gaps of all of some solids are distances, and known without reading a file."""
+    return all(part.exact for part in parts)
 
 
 def distances(shape: Any, corners: Any) -> Any:
@@ -128,7 +128,7 @@ class Intersection(Combination):
 
     @model_validator(mode="after")
     def _holds_something(self) -> Intersection:
-        if are_apart(self.of, self.whole(), min(part.farthest() for part in self.of)):
+        if are_exact(self.of) and surely_apart(self.whole(), min(part.farthest() for part in self.of)):
             raise invalid(
                 f"{listed(self.of)} have nothing in common",
                 at=("of",),
@@ -160,7 +160,7 @@ class Difference(Combination):
     @model_validator(mode="after")
     def _leaves_something(self) -> Difference:
         first, *others = self.of
-        if are_apart(self.of, self.whole(), first.farthest()):
+        if are_exact(self.of) and surely_apart(self.whole(), first.farthest()):
             raise invalid(
                 f"nothing is left of a {first.kind} without {listed(others)}",
                 at=("of",),
@@ -196,7 +196,7 @@ class DifferenceCollider(Difference, SolidCollider):
         first, *others = self.of
         for k, other in enumerate(others, start=1):
             pair = (first, other)
-            if are_apart(pair, [part.geometry() for part in pair], first.farthest()):
+            if are_exact(pair) and surely_apart([part.geometry() for part in pair], first.farthest()):
                 yield f"{name}: the {other.kind} of[{k}] takes nothing off, as it is apart from the {first.kind}"
 
 

@@ -123,6 +123,18 @@ def ride(c: MovingRecord, p: Particle) -> Particle:
     return moved_to(p, x + c.x, y + c.y, z + c.z, vx, vy, vz, p.t)
 
 
+def ride_until(c: MovingRecord, p: Particle, t: Any) -> Particle:
+    """The particle as `ride` has it at its time, but with its relative velocity along the axes that the frame has at t: so
+    what it is then is compared with what it was, and nothing seems to turn but what does."""
+    local = ride(c, p)
+    if c.spin is None:
+        return local
+    f = frame_at(c, p.t, p.x)
+    wx, wy, wz = surface_velocity(c, f, p.x, p.y, p.z)
+    vx, vy, vz = into(frame_at(c, t, p.x).rows, (p.vx - wx, p.vy - wy, p.vz - wz))
+    return moved_to(p, local.x, local.y, local.z, vx, vy, vz, p.t)
+
+
 def alight(c: MovingRecord, p: Particle) -> Particle:
     """The particle in the world, of one in the frame of the collider."""
     f = frame_at(c, p.t, p.x)
@@ -131,6 +143,22 @@ def alight(c: MovingRecord, p: Particle) -> Particle:
     vx, vy, vz = out_of(f.rows, (p.vx, p.vy, p.vz))
     wx, wy, wz = surface_velocity(c, f, x, y, z)
     return moved_to(p, x, y, z, vx + wx, vy + wy, vz + wz, p.t)
+
+
+def alight_after(c: MovingRecord, p: Particle, q: Particle) -> Particle:
+    """The particle in the world of one in the frame of the collider, p, that impulses and shifts have made of q: what moves
+    in the frame has changed its velocity in the world by the impulses alone, not by the shift, too."""
+    away = alight(c, p)
+    if c.spin is None:
+        return away
+    n = c.spin
+    slides = (p.vx != 0) | (p.vy != 0) | (p.vz != 0)
+    rate = n.rate if slides else n.rate - n.rate
+    x, y, z = out_of(frame_at(c, p.t, p.x).rows, (p.x - q.x, p.y - q.y, p.z - q.z))
+    vx, vy, vz = n.y * z - n.z * y, n.z * x - n.x * z, n.x * y - n.y * x
+    return moved_to(
+        p, away.x, away.y, away.z, away.vx - rate * vx, away.vy - rate * vy, away.vz - rate * vz, p.t
+    )
 
 
 def outwards(c: MovingRecord, n: Any, p: Particle) -> Any:

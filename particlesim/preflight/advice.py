@@ -23,6 +23,8 @@ ONCE = ("gravity", "coulomb", "contact")
 """Interactions that act between two particles once, if at all."""
 OF_BOTH = "rk4, dop853 and implicit_midpoint"
 """Some methods that step particles with and without inertia."""
+MOST_TURN = 0.5
+"""Angle by which a collider may turn in a step [rad]: the chord of the way is 1 % shorter than the arc then."""
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
 
 
@@ -33,6 +35,7 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_order(scenario),
         *_own(scenario),
         *_friction(scenario),
+        *_turning(scenario),
         *_twice(scenario),
         *_pairs_twice(scenario),
         *_loose(scenario),
@@ -149,6 +152,21 @@ def _friction(scenario: Scenario) -> list[str]:
             names = ", ".join(map(repr, inert))
             found.append(
                 f"{each.called(k)}: friction does not act on {names}, whose particles have no inertia"
+            )
+    return found
+
+
+def _turning(scenario: Scenario) -> list[str]:
+    """Colliders that turn by much in a step."""
+    led = {each.collider: each.spin for each in scenario.motions if each.spin is not None}
+    dt, found = scenario.grid.dt, []
+    for k, each in enumerate(scenario.all_colliders):
+        spin = led.get(each.name) if each.name is not None else None
+        if spin is not None and abs(spin.rate) * dt > MOST_TURN:
+            turn, shorter = abs(spin.rate) * dt, MOST_TURN / abs(spin.rate)
+            found.append(
+                f"{each.called(k)}: it turns by {turn:.3g} rad in a step of dt = {dt:.6g} s, and what it hits on the way is "
+                f"not sure beyond {MOST_TURN:g} rad; dt = {shorter:.3g} s turns it by that much"
             )
     return found
 

@@ -203,6 +203,23 @@ def test_hinges_and_surfaces_can_be_the_strongest() -> None:
     assert plate.force_on(moving, 1, 0.0) == pytest.approx([0, 0, -0.5 * 1.2 * 1.5 * 25 / 3])
 
 
+def test_a_path_of_a_collider_that_ends_between_frames_is_named() -> None:
+    """What lies on it has no place then, either: that had been told, with the advice to take a smaller step."""
+    scenario = table(
+        0.1,
+        1e-3,
+        particles=[points((0, 1, 0), radius=0.1)],
+        forces=[{"type": "gravity"}],
+        colliders=[{"name": "box", "type": "box", "size": [5, 1, 5], "center": [0, 0.4, 0]}],
+        motions=[{"name": "lift", "collider": "box", "path": ["sqrt(0.05 - t)", "y", "z"]}],
+        output={"every": 100},
+    )
+    with pytest.raises(
+        ps.DivergenceError, match=r"lift gives the collider 'box' is not finite at t = 0\.05 s"
+    ):
+        ps.run(ps.from_table(scenario))
+
+
 @pytest.mark.parametrize(("x", "when"), [("sqrt(0.05 - t)", "0.05"), ("x + 1/t", "0"), ("t/x", "0")])
 def test_a_path_of_a_collider_that_ends_is_named(x: str, when: str) -> None:
     scenario = table(

@@ -116,6 +116,65 @@ def test_what_lies_on_a_table_rides_along(shape: str, tmp_path: Any) -> None:
     assert final.velocity[0] == pytest.approx([0, 0.3 * np.sin(6.0), 0], abs=1e-3)
 
 
+@pytest.mark.parametrize("rate", [100.0, 1e3, 1e6])
+@pytest.mark.parametrize("shape", ["cylinder", "box"])
+def test_a_turntable_takes_along_by_no_more_than_friction_has(shape: str, rate: float) -> None:
+    # At rest 1 m off the axis, where the surface runs along −z at ω r: v_z = −μ g t, and as the way bends by z/r the surface
+    # does, v_x = −∫ μ g |z|/r dt = −(μ g)² t³/6. The place by which it bends may be that of the step before.
+    size: dict[str, Any] = {"size": [6, 1, 6], "center": [0, 0.4, 0]}
+    if shape == "cylinder":
+        size = {"start": [0, -0.1, 0], "end": [0, 0.9, 0], "radius": 3}
+    t, dt, pull = 0.1, 1e-3, 0.3 * G
+    final = simulate(
+        t,
+        dt,
+        particles=[points((1, 1, 0), radius=0.1)],
+        forces=GRAVITY,
+        colliders=[{"type": shape, "name": "table", "friction": 0.3, "restitution": 0.5, **size}],
+        motions=[{"collider": "table", "spin": {"axis": [0, 1, 0], "rate": rate}}],
+    ).final
+    vx, vy, vz = final.velocity[0]
+    bend = pull * pull * t * t * dt / 2
+    assert np.hypot(vx, vz) <= pull * t * (1 + 1e-9)
+    assert abs(vy) < 1e-9
+    assert vz == pytest.approx(-pull * t, abs=bend)
+    # the surface turns in the world by 1/ω r of the speed that the particle has, and that much of friction goes astray
+    assert vx == pytest.approx(-(pull**2) * t**3 / 6, abs=bend + pull * t * (pull * t / rate))
+
+
+def test_a_drum_takes_along_what_lies_in_it_at_any_rate() -> None:
+    # s'' = μ N − g sin θ with N = g cos θ + s'²/R, by steps of 1 µs; a step of dt is off by the friction of one step
+    radius, mu, dt, t = 0.48, 0.3, 1e-4, 0.1
+    angle, turn, h = 0.0, 0.0, 1e-6
+    for _ in range(round(t / h)):
+        turn += h * (mu * (G * np.cos(angle) + radius * turn**2) - G * np.sin(angle)) / radius
+        angle += h * turn
+    for rate in (10.0, 1e3, 5e3):
+        final = simulate(
+            t,
+            dt,
+            "velocity_verlet",
+            particles=[points((0, -radius, 0), radius=0.02)],
+            forces=GRAVITY,
+            colliders=[
+                {
+                    "type": "cylinder",
+                    "name": "drum",
+                    "start": [0, 0, -1],
+                    "end": [0, 0, 1],
+                    "radius": 0.5,
+                    "inside": True,
+                    "friction": mu,
+                    "restitution": 0.0,
+                }
+            ],
+            motions=[{"collider": "drum", "spin": {"axis": [0, 0, 1], "rate": rate}}],
+        ).final
+        x, y, _ = final.position[0]
+        assert np.hypot(*final.velocity[0, :2]) == pytest.approx(radius * turn, abs=mu * G * dt)
+        assert np.arctan2(x, -y) == pytest.approx(angle, abs=mu * G * dt * t / radius)
+
+
 def test_friction_takes_along_what_lies_on_a_turntable() -> None:
     # At r = 0.3 m a turn of 1 rad/s asks for ω² r = 0.3 m/s² of friction, and μ g is 4.9: it goes round with the table.
     final = simulate(

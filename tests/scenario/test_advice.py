@@ -302,3 +302,19 @@ def test_a_box_where_numbers_are_far_apart_is_refused() -> None:
 
 def test_a_formula_without_numbers_is_read_without_a_word_of_numpy() -> None:
     ps.from_table(pairs({"type": "formula", "potential": "1/(r - r)"}))
+
+
+def test_colliders_that_turn_by_much_in_a_step_are_told() -> None:
+    def told(rate: float) -> list[str]:
+        scenario = {
+            "simulation": {"duration": 0.1, "dt": 1e-3},
+            "particles": [{"layout": {"type": "points", "position": [[0, 5, 0]]}, "radius": 0.1}],
+            "colliders": [{"name": "table", "type": "box", "size": [1, 1, 1]}],
+            "motions": [{"collider": "table", "spin": {"axis": [0, 1, 0], "rate": rate}}],
+        }
+        return [text for text in advice(ps.from_table(scenario)) if "rad in a step" in text]
+
+    assert told(499.0) == []
+    (text,) = told(-1000.0)
+    assert text.startswith("box table: it turns by 1 rad in a step of dt = 0.001 s")
+    assert "dt = 0.0005 s" in text

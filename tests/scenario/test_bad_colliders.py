@@ -46,6 +46,29 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 }
 
 
+def test_two_colliders_of_one_name_are_refused_where_they_are_named() -> None:
+    """A motion had led both, as planes and other colliders share their names."""
+    text = """format = 1
+[simulation]
+duration = 0.1
+dt = 1e-3
+[[particles]]
+layout = { type = "points", position = [[0, 1, 0]] }
+radius = 0.1
+[[planes]]
+name = "c"
+[[colliders]]
+type = "sphere"
+radius = 0.1
+name = "c"
+"""
+    with pytest.raises(ps.ScenarioError, match="two colliders are called 'c'") as caught:
+        ps.loads(text)
+    place = caught.value.diagnostics[0]
+    assert place.span is not None
+    assert (place.span.line, place.span.column) == (13, 8)
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_numbers_that_no_collider_has_are_refused(name: str) -> None:
     collider, key = REFUSED[name]

@@ -206,3 +206,25 @@ def test_what_is_told_of_rods() -> None:
     )
     assert [each.name for each in scenario.rod_sets] == ["springs_2", "hair.structural"]
     assert "rods springs_2: 1 rods, 1 m" in build_graph(scenario).as_text()
+
+
+def test_a_rod_of_no_length_at_the_world_is_told_with_its_place() -> None:
+    text = """format = 1
+[simulation]
+duration = 0.1
+dt = 1e-3
+[[bodies]]
+name = "b"
+shape = { type = "sphere", radius = 0.1 }
+density = 1000
+layout = { type = "points", position = [[0, 1, 0]] }
+[[rods]]
+between = ["b", "world"]
+points = [[0, 0, 0], [0, 1, 0]]
+"""
+    with pytest.raises(ps.ScenarioError, match="its ends are 0 m apart") as caught:
+        ps.run(ps.loads(text))
+    place = caught.value.diagnostics[0]
+    assert place.span is not None
+    assert (place.span.line, place.span.column) == (10, 1)
+    assert place.hint == "a ball joint holds two places together"

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.diagnosis.strongest_force import strongest
-from particlesim.engine.diagnosis.undefined_paths import astray
+from particlesim.engine.diagnosis.undefined_paths import astray, left_by_collider
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.stability.limits import explicit_sets, remedy
@@ -72,7 +72,8 @@ class Sign(NamedTuple):
 def not_finite(world: World, number: int, fault: Fault, first: int) -> DivergenceError:
     """The post-mortem of an island in which a number stopped being finite in an interval that began at step `first`."""
     island = world.islands[number]
-    if (lost := astray(world, fault.step + 1)) is not None:
+    last = fault.step + 1
+    if (lost := astray(world, last) or left_by_collider(world, last)) is not None:
         return lost
     if island.kept_from is not None:
         first = island.kept_from  # further back than the piece that failed, where every step is booked
@@ -134,7 +135,7 @@ def _stopped(island: BaseIsland, row: int, fault: Fault, first: int) -> Sign:
 
 def overflowed(world: World, quantity: str) -> DivergenceError:
     """The post-mortem of a world with finite numbers whose ledger has a quantity that is not."""
-    if (lost := astray(world, world.step)) is not None:
+    if (lost := astray(world, world.step) or left_by_collider(world, world.step)) is not None:
         return lost
     fastest = [
         (_speeds(columns).max(initial=0.0), number)

@@ -56,6 +56,21 @@ def lost_collider(world: World, step: int) -> DivergenceError | None:
     return None
 
 
+def left_by_collider(world: World, last: int) -> DivergenceError | None:
+    """The error to raise when a collider has lost its place by the beginning of step `last`: of the first step for which
+    that is so, None if all have one."""
+    if (found := lost_collider(world, last)) is None:
+        return None
+    low = 0  # all paths are finite at the start
+    while last - low > 1:
+        middle = (low + last) // 2
+        if (earlier := lost_collider(world, middle)) is None:
+            low = middle
+        else:
+            last, found = middle, earlier
+    return found
+
+
 def led_are_finite(state: GroupState) -> bool:
     """Whether all led particles of a group are somewhere, at some speed."""
     return all(

@@ -2,8 +2,9 @@
 
 With n the normal from the second to the first, Ω = r₁ ω₁ + r₂ ω₂ and the lever arms a = s r, s = |l|/(r₁ + r₂), the surfaces
 slide over each other at v_t = v − (v·n) n − s Ω × n. A tangential spring and damper pull with f_t = −k_t ξ − γ_t v_t,
-ξ' = v_t, but not with more than μ_s (N − γ_n v·n); a sliding contact has μ_k in place of μ_s, and its spring is shortened
-accordingly. The torque on each is −a n × f_t: as the arms end at one point, angular momentum is kept.
+ξ' = v_t, but not with more than μ_s (N − γ_n v·n); a sliding contact has μ_k in place of μ_s, and its spring is shortened so
+that it pulls with no more than that by itself. The torque on each is −a n × f_t: as the arms end at one point, angular
+momentum is kept.
 
 ξ is the tangential part of the anchor and of l, less s A × n with A = r₁ α₁ + r₂ α₂ of the angles of rotation since the step
 began. So forces within a step depend on positions alone, and every method sees the same spring.
@@ -92,17 +93,9 @@ def press(law: Any, p: Any, n: Any, overlap: Any, held: Any, turning: Any, rolli
         slip = tuple(u - turning.arm * w for u, w in zip(slip, turn, strict=True))
         stretch = tuple(x - turning.arm * a for x, a in zip(stretch, angle, strict=True))
     stretch = flattened(stretch, n, known)
-    rub = tuple(-(at.stiffness * x + at.rub * u) for x, u in zip(stretch, slip, strict=True))
-    holds = law.friction.static
-    kept, part, slides = limited(
-        at,
-        rub,
-        stretch,
-        pressed,
-        law.friction.kinetic if held.state == SLIDES else holds,
-        law.friction.kinetic,
-    )
-    rub = tuple(part * f for f in rub)
+    holds, then = law.friction.static, law.friction.kinetic
+    first = then if held.state == SLIDES else holds
+    kept, rub, slides = limited(at, stretch, slip, pressed, first, then)
     anchor = tuple(kept * x - d for x, d in zip(stretch, (p.x, p.y, p.z), strict=True))
     state = type_of(none, SLIDES) if slides else type_of(none, HOLDS)
     force = tuple(f + g for f, g in zip(force, rub, strict=True))
@@ -114,9 +107,9 @@ def press(law: Any, p: Any, n: Any, overlap: Any, held: Any, turning: Any, rolli
         turn, angle = cross(rolling.w, n), cross(rolling.a, n)
         way = tuple(x + radius * a for x, a in zip(rolling.way, angle, strict=True))
         way = flattened(way, n, known)
-        drag = tuple(-(at.stiffness * x + at.rub * radius * w) for x, w in zip(way, turn, strict=True))
-        kept, part, _ = limited(at, drag, way, pressed, law.rolling, law.rolling)
-        moment = tuple(radius * part * f for f in cross(n, drag))
+        rolls = tuple(radius * w for w in turn)
+        kept, drag, _ = limited(at, way, rolls, pressed, law.rolling, law.rolling)
+        moment = tuple(radius * f for f in cross(n, drag))
         way = tuple(kept * x for x in way)
     return Pressed(force, twist, moment, Held(state, *anchor), way, at.push - at.pull, rate, at.energy)
 
@@ -127,18 +120,30 @@ def flattened(v: Any, n: Any, known: Any) -> Any:
     return tuple(x - up * axis if known else up - up for x, axis in zip(v, n, strict=True))
 
 
-def limited(at: Any, pull: Any, stretch: Any, pressed: Any, first: Any, then: Any) -> Any:
-    """A slider on a spring and a damper that pull with a force: the part of the stretch that is kept, and of the force, and
-    whether it slides. It begins to at `first` times what presses, and feels `then` times that."""
-    one, size2, length2 = type_of(pressed, 1), dot(pull, pull), dot(stretch, stretch)
+def limited(at: Any, stretch: Any, slip: Any, pressed: Any, first: Any, then: Any) -> Any:
+    """A slider on a spring with a stretch and a damper of a slip: the part of the stretch that is kept, the force, and
+    whether it slides. It begins to at `first` times what presses, and feels `then` times that.
+
+    What slides has the force of the spring that it keeps, with the damper, and not more than it may feel: so the same force
+    is found again from what is remembered."""
+    one, length2 = type_of(pressed, 1), dot(stretch, stretch)
+    pull = pulled(at, stretch, slip)
     bar, most = first * pressed, then * pressed
-    slides = size2 > bar * bar
-    # a static coefficient below the kinetic one must not speed up what slides
-    part = min(most * inverse_length(size2 if slides else one), one) if slides else one
+    slides = dot(pull, pull) > bar * bar
     load2 = at.stiffness * at.stiffness * length2
     gives = slides & (load2 > most * most)
     kept = most * inverse_length(load2 if gives else one) if gives else one
-    return kept, part, slides
+    pull = pulled(at, tuple(kept * x for x in stretch), slip)
+    # a static coefficient below the kinetic one must not speed up what slides
+    size2 = dot(pull, pull)
+    over = slides & (size2 > most * most)
+    part = most * inverse_length(size2 if over else one) if over else one
+    return kept, tuple(part * f for f in pull), slides
+
+
+def pulled(at: Any, stretch: Any, slip: Any) -> Any:
+    """The force of the spring and the damper along the surfaces [N]."""
+    return tuple(-(at.stiffness * x + at.rub * u) for x, u in zip(stretch, slip, strict=True))
 
 
 def inverse_length(square: Any) -> Any:

@@ -19,7 +19,9 @@ from particlesim.engine.rigid.rotation import angular_velocity, matrix
 from particlesim.engine.rigid.stops import Stops
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
+from particlesim.model.mistakes import Invalid
 from particlesim.scenario.scenario import Scenario
+from particlesim.scenario.text.diagnose import scenario_error
 
 
 class Made(NamedTuple):
@@ -113,14 +115,26 @@ def made_joints(scenario: Scenario, seats: Mapping[str, Ints], b: Bodies) -> lis
             apart = float(np.linalg.norm(ends[0] - ends[1]))
             length = apart if rods.length is None else rods.length
             if not abs(apart - length) <= LENGTH_TOLERANCE * length or apart == 0:
-                raise UsageError(
-                    f"{name}: its ends are {apart:.6g} m apart at the start, and its length is {length:.6g} m",
+                hint = (
                     "move the ends, or leave length out"
                     if apart > 0
-                    else "a ball joint holds two places together",
+                    else "a ball joint holds two places together"
+                )
+                raise _misfit(
+                    scenario,
+                    rods.table,
+                    f"{name}: its ends are {apart:.6g} m apart at the start, and its length is {length:.6g} m",
+                    hint,
                 )
             found.append(Made(ROD, i, j, points[0], points[1], none, none, none, length, length, name, True))
     return found
+
+
+def _misfit(scenario: Scenario, table: int | None, text: str, hint: str) -> UsageError:
+    """The error of rods that do not fit, with the place of their table, if it has one."""
+    if scenario.source is None or table is None:
+        return UsageError(text, hint)
+    return scenario_error(scenario.source, [Invalid(text, ("rods", table), hint=hint)])
 
 
 def _stop(hinge: HingeJoint, mark: Floats, other: Floats) -> Stop | None:

@@ -18,23 +18,26 @@ from particlesim.trajectory.topology import Topology
 
 class RodList(NamedTuple):
     """Rods of one name: the groups of both ends, the indices there, the ends along the axes of shapes [2, 3] (None: the
-    places of particles), their length [m] (None: the distance at the start)."""
+    places of particles), their length [m] (None: the distance at the start), and which table under [[rods]] says so (None: a
+    group does)."""
 
     name: str
     groups: tuple[str, str]
     pairs: Sequence[tuple[int, int]]
     points: Floats | None
     length: float | None
+    table: int | None
 
 
 def rod_lists(scenario: Scenario) -> Iterator[RodList]:
     """All rods that bodies hold."""
+    tables = {id(rods): k for k, rods in enumerate(scenario.rods)}
     for label, rods in scenario.body_rods:
         points = np.array(rods.points or np.zeros((2, 3)), float)
-        yield RodList(label, rods.groups(), rods.pairs or SINGLE, points, rods.length)
+        yield RodList(label, rods.groups(), rods.pairs or SINGLE, points, rods.length, tables[id(rods)])
     for each in scenario.hung_rods:
         pairs = [(i, k) for i, k in each.find().tolist()]
-        yield RodList(each.name, each.groups, pairs, None, each.length)
+        yield RodList(each.name, each.groups, pairs, None, each.length, None)
 
 
 def held_rows(scenario: Scenario, particles: Mapping[str, GroupState]) -> dict[str, Ints]:

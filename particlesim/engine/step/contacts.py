@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from particlesim.colliders.moving import MovingRecord, ride
 from particlesim.colliders.plane import PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.colliders.response import crossable, opposite, yielded
+from particlesim.colliders.response import along, at_rest, crossable, opposite, yielded
 from particlesim.engine.state.columns import type_of
-from particlesim.laws.registry import PASS, contact, gap
+from particlesim.laws.registry import PASS, contact, gap, gap_and_normal, least_gap
 
 
 class Simple(NamedTuple):
@@ -112,8 +115,45 @@ def nowhere(colliders: Any) -> Any:
 
 def ends_inside(contacts: Any, q: Any) -> Any:
     """Whether a step ends inside of a collider that no way crosses: a plane, or a discrete one."""
-    colliders = tuple(c for c in contacts.continuous if not crossable(c)) + contacts.discrete
-    return inside(colliders, nowhere(colliders), q)
+    planes = tuple(c for c in contacts.continuous if not crossable(c))
+    return sinks(planes, q, rounding(contacts, q)) | inside(contacts.discrete, nowhere(contacts.discrete), q)
+
+
+def sinks(planes: Any, q: Any, slack: Any) -> Any:
+    """Whether a step that ends at q leads into one of some planes."""
+    if len(planes) == 0:
+        return False
+    return presses(*gap_and_normal(planes[0], q), q, slack) | sinks(planes[1:], q, slack)
+
+
+def pressed(colliders: Any, p: Any, q: Any, slack: Any, alone: bool) -> Any:
+    """Whether a step from p to q leads into one of some colliders by what presses, more than by the velocity of p. Where
+    each is looked at `alone`, since gaps take a search, a bound of the gap comes first."""
+    if len(colliders) == 0:
+        return False
+    others = pressed(colliders[1:], p, q, slack, alone)
+    return (
+        (others or _pressed(colliders[0], p, q, slack, alone))
+        if alone
+        else others | _pressed(colliders[0], p, q, slack, alone)
+    )
+
+
+def _pressed(c: Any, p: Any, q: Any, slack: Any, alone: bool) -> Any:
+    if isinstance(c.shape, MovingRecord):
+        return _pressed(at_rest(c), ride(c.shape, p), ride(c.shape, q), slack, alone)
+    if alone and least_gap(c.shape, q, slack) > slack:
+        return False
+    g, n = gap_and_normal(c, q)
+    return presses(g, n, q, slack) & (along(n, p) >= type_of(g, 0.5) * along(n, q))
+
+
+def presses(g: Any, n: Any, q: Any, slack: Any) -> Any:
+    """Whether a particle with this gap and normal is inside, or moves in where the gap is but a rounding error: in single
+    precision steps may sink by less than places are rounded."""
+    if isinstance(g, np.float32):
+        return g < (slack if along(n, q) < 0 else type_of(g, 0))
+    return g < 0  # no step is that short in double precision, and looks would double the cost of six planes
 
 
 def extent(contacts: Any, x: Any, y: Any, z: Any) -> Any:

@@ -32,6 +32,7 @@ from particlesim.engine.step.contacts import (
     meet,
     nearest,
     nowhere,
+    pressed,
     rounding,
     rounding_of_step,
     sunk,
@@ -66,12 +67,15 @@ def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """Whether the step of h from p to q may meet a collider; never for simple contacts."""
     if isinstance(contacts, Simple):
         return False
-    # What a way may cross tells by one look whether the way is free, with its end.
     met = ends_inside(contacts, q)
     if not any(crossable(c) for c in contacts.continuous):
         return met
     nothing = nowhere(contacts.continuous)
-    return met | (not all_apart(contacts.continuous, nothing, p, q, h, farther(contacts, p, q)))
+    met |= not all_apart(contacts.continuous, nothing, p, q, h, farther(contacts, p, q))
+    # A way that ends inside by less than rounding errors crosses nothing. What lies there must be held all the same: it
+    # would fall freely from step to step until it is deeper.
+    colliders, alone = tuple(c for c in contacts.continuous if crossable(c)), contacts.one_by_one is not None
+    return met | pressed(colliders, p, q, rounding(contacts, q), alone)
 
 
 def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:

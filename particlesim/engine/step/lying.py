@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from particlesim.colliders.dents import dented
-from particlesim.colliders.moving import MovingRecord, alight, ride
+from particlesim.colliders.moving import MovingRecord, alight_after, ride, ride_until
 from particlesim.colliders.response import at_rest
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.creases import crept, free_part, no_faster
@@ -27,10 +27,16 @@ def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
     """Whether a step from p to q is rest on a collider, and what `held` says of it. One that moves is at rest in its own
     frame."""
     if isinstance(c.shape, MovingRecord):
-        here, r, turn = borne(at_rest(c), ride(c.shape, p), ride(c.shape, q), h, tolerance, slack, sure)
-        return here, alight(c.shape, r), turn
+        s, end = ride_until(c.shape, p, q.t), ride(c.shape, q)
+        here, r, turn = _borne(at_rest(c), ride(c.shape, p), s, end, h, tolerance, slack, sure)
+        return here, alight_after(c.shape, r, end), turn
+    return _borne(c, p, p, q, h, tolerance, slack, sure)
+
+
+def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    """As `borne`, in the frame of the collider; s is p with its velocity along the axes of the end of the step."""
     touch = touched(c, p, q)
-    r, turn = held(c, p, q, touch, h, tolerance)
+    r, turn = held(c, s, q, touch, h, tolerance)
     here = lies(c, p, q, touch, h, slack, sure)
     if dented(c.shape):
         free = free_part(c, here, p, r, touch.up, touch.normal, h, slack)
@@ -42,6 +48,6 @@ def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             if leaves:
                 lain = False
         if c.response.belt is None:
-            r = no_faster(p, q, r, h, tolerance)
+            r = no_faster(s, q, r, h, tolerance)
         return lain, r, turn
     return here, r, turn

@@ -34,11 +34,15 @@ from particlesim.colliders.response import (
     with_slide,
 )
 from particlesim.engine.state.columns import chosen, type_of
+from particlesim.engine.step.contacts import presses
 from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
 
 LEVEL = 2.0**-10
 """How far into a surface the velocity of a particle that moves along it may lead, in units of how deep the free step is:
 normals that take a search are not exact."""
+
+NOISE = 2.0**-19
+"""Part of a speed that its rounding errors in single precision stay below, as `records.CONTACT_TOLERANCE` says."""
 
 
 def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) -> Any:
@@ -54,9 +58,17 @@ def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) ->
         & (h * along(n, p) >= level)
         & (c.response.bounce < 2)
     )
-    calm |= (abs(coasting) <= slack) | sure
+    calm |= abs(coasting) <= slack
+    if isinstance(touch.depth, np.float32):
+        # A slow impact is no deeper than rounding errors, either: velocities tell it from rest.
+        own, noise = along(n, p), type_of(h, NOISE) * (abs(p.vx) + abs(p.vy) + abs(p.vz))
+        slow = own >= type_of(h, 0.5) * along(touch.normal, q) - noise
+        slow = (slow & (c.response.bounce < 2)) | (abs(own) <= noise)
+        calm = slow if touch.depth > -(slack + slack) else calm
+    calm |= sure
     calm &= same_face(c, touch)
-    return (touch.start <= slack) & (touch.depth < 0) & calm & (c.response.outcome == PASS)
+    down = presses(touch.depth, touch.normal, q, slack)
+    return (touch.start <= slack) & down & calm & (c.response.outcome == PASS)
 
 
 class Touch(NamedTuple):

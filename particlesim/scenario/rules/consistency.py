@@ -24,7 +24,8 @@ MOST_BIRTHS = 10**12
 
 
 def names(scenario: Tables) -> Iterator[Invalid]:
-    """Groups, named forces and named interactions have names of their own; there is something to simulate."""
+    """Groups, and what has a name among colliders, forces and interactions, have names of their own; there is something to
+    simulate."""
     if not scenario.groups:
         yield Invalid("there is nothing to simulate", allowed="[[particles]], [[bodies]] or [[emitters]]")
     seen: dict[str, Path] = {}
@@ -49,6 +50,17 @@ def names(scenario: Tables) -> Iterator[Invalid]:
                 )
             if each.name is not None:
                 named[each.name] = k
+    known: dict[str, Path] = {}
+    for path, collider in collider_tables(scenario):
+        if collider.name is not None and collider.name in known:
+            yield Invalid(
+                f"two colliders are called {collider.name!r}",
+                (*path, "name"),
+                (((*known[collider.name], "name"), "the other one"),),
+                hint="motions and emitters speak of colliders by their names",
+            )
+        if collider.name is not None:
+            known[collider.name] = path
 
 
 def references(scenario: Tables) -> Iterator[Invalid]:
