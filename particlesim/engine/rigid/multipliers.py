@@ -116,9 +116,9 @@ def bound_at_first(b: Any, k: Any, motion: Any, cluster: Any, stiff: Any) -> Non
 
 
 @outlined
-def correct(b: Any, k: Any, motion: Any, joints: Any, cluster: Any, fresh: Any, coupled: Any) -> bool:
-    """Give the impulses of one turn of the method to all contacts of a cluster; those of joints are still to be given. The
-    first turn begins with all that presses stuck. Whether they were found: else nothing is given."""
+def correct(b: Any, k: Any, motion: Any, cluster: Any, fresh: Any, coupled: Any) -> bool:
+    """Give the impulses of one turn of the method to all contacts of a cluster. The first turn begins with all that presses
+    stuck. Whether they were found: else nothing is given."""
     a, n = motion.room, 0
     for at in range(motion.body_from[cluster], motion.body_from[cluster + 1]):
         a.number[motion.bodies[at]] = n
@@ -134,9 +134,7 @@ def correct(b: Any, k: Any, motion: Any, joints: Any, cluster: Any, fresh: Any, 
             k.before[c, d] = speed_along(k, motion, c, d) - (k.target[c] if d == 0 else 0.0) if used else 0.0
     done = False
     for turn in range(NEWTON):
-        lay_equations(
-            b, k, motion, joints, cluster, n, stiff, SEEN if turn > 0 else (ANEW if fresh else AGAIN)
-        )
+        lay_equations(b, k, motion, cluster, n, stiff, SEEN if turn > 0 else (ANEW if fresh else AGAIN))
         eliminate(a.matrix, a.side, a.scale, a.order, n)
         for at in range(first, last):
             c = k.order[at]
@@ -146,7 +144,7 @@ def correct(b: Any, k: Any, motion: Any, joints: Any, cluster: Any, fresh: Any, 
             move_on(k, motion, cluster, n, 1.0)
             if fresh:
                 bound_at_first(b, k, motion, cluster, stiff)
-        elif go_along(b, k, motion, joints, cluster, n, stiff, coupled):
+        elif go_along(b, k, motion, cluster, n, stiff, coupled):
             done = True
             break
     if done:
@@ -256,9 +254,7 @@ def along(e: Any, i: Any, j: Any, a: Any, x: Any) -> float:
 
 
 @outlined
-def lay_equations(
-    b: Any, k: Any, motion: Any, joints: Any, cluster: Any, n: Any, stiff: Any, guess: Any
-) -> None:
+def lay_equations(b: Any, k: Any, motion: Any, cluster: Any, n: Any, stiff: Any, guess: Any) -> None:
     """The matrix 1 + M⁻¹ Jᵀ D J, and the side −M⁻¹ ∇φ."""
     a, line, quick = motion.room, on_stack(1, LINE, np.float64), 0.0
     for r in range(n):
@@ -276,11 +272,6 @@ def lay_equations(
             add_at_first(b, k, motion, cluster, c, stiff, quick, line)
         else:
             add_seen(b, k, motion, c, stiff, guess == AGAIN, line)
-    if joints is not None:
-        component = motion.first_component[cluster]
-        while component >= 0:
-            add_joints(b, joints, a, component, stiff, line)
-            component = joints.next[component]
 
 
 @outlined
@@ -378,34 +369,15 @@ def add_line(a: Any, i: Any, j: Any, line: Any, stiff: Any, more: Any) -> None:
 
 
 @outlined
-def add_joints(b: Any, joints: Any, a: Any, component: Any, stiff: Any, line: Any) -> None:
-    """Add the joints of a component, which stay closed."""
-    for g in range(joints.group[component], joints.group[component + 1]):
-        i, j = joints.first[g], joints.second[g]
-        for r in range(joints.row[g], joints.row[g + 1]):
-            e, hard = joints.rows[r], joint_penalty(joints, g, r, stiff)
-            lay_line(b, e, i, j, line, 1.0, False)
-            add_line(a, i, j, line, hard, -hard * along(e, i, j, a, a.change))
-
-
-def joint_penalty(joints: Any, g: Any, r: Any, stiff: Any) -> float:
-    """The penalty of a row of a joint: [kg m²] for those that only turn bodies."""
-    e = joints.rows[r]
-    turns = e[0] == 0 and e[1] == 0 and e[2] == 0
-    return float(stiff * (joints.size[g] ** 2 if turns else 1.0))
-
-
 # ---- the way that Newton's method says
 
 
 @outlined
-def go_along(
-    b: Any, k: Any, motion: Any, joints: Any, cluster: Any, n: Any, stiff: Any, coupled: Any
-) -> bool:
+def go_along(b: Any, k: Any, motion: Any, cluster: Any, n: Any, stiff: Any, coupled: Any) -> bool:
     """Go along the change that has been solved for to where φ stops falling; whether that was the end of the way, and so
     the least of φ."""
     line = on_stack(1, 2, np.float64)
-    quadratic(b, motion, joints, cluster, stiff, line)
+    quadratic(b, motion, cluster, line)
     begin = slope(b, k, motion, cluster, stiff, line, 0.0)
     end = slope(b, k, motion, cluster, stiff, line, 1.0)
     part, low, high = 1.0, 0.0, 1.0
@@ -449,8 +421,8 @@ def slope(b: Any, k: Any, motion: Any, cluster: Any, stiff: Any, line: Any, part
 
 
 @outlined
-def quadratic(b: Any, motion: Any, joints: Any, cluster: Any, stiff: Any, line: Any) -> None:
-    """What masses and joints add to the slope: at the beginning, and along the whole way."""
+def quadratic(b: Any, motion: Any, cluster: Any, line: Any) -> None:
+    """What masses add to the slope: at the beginning, and along the whole way."""
     a = motion.room
     line[0, 0] = line[0, 1] = 0.0
     for where in range(motion.body_from[cluster], motion.body_from[cluster + 1]):
@@ -471,18 +443,3 @@ def quadratic(b: Any, motion: Any, joints: Any, cluster: Any, stiff: Any, line: 
             if b.inertia[axis, i] < np.inf:
                 line[0, 0] += b.inertia[axis, i] * p * q
                 line[0, 1] += b.inertia[axis, i] * q * q
-    if joints is not None:
-        component = motion.first_component[cluster]
-        while component >= 0:
-            for g in range(joints.group[component], joints.group[component + 1]):
-                for r in range(joints.row[g], joints.row[g + 1]):
-                    e, i, j, hard = (
-                        joints.rows[r],
-                        joints.first[g],
-                        joints.second[g],
-                        joint_penalty(joints, g, r, stiff),
-                    )
-                    q = along(e, i, j, a, a.scale)
-                    line[0, 0] += hard * along(e, i, j, a, a.change) * q
-                    line[0, 1] += hard * q * q
-            component = joints.next[component]
