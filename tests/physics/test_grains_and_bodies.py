@@ -64,6 +64,30 @@ def test_an_impact_off_the_centre_turns_a_box_as_its_closed_form_says(e: float) 
     assert kinetic[-1] - kinetic[0] == pytest.approx(-0.5 * (1 - e * e) * u * u / give, rel=1e-3, abs=1e-4)
 
 
+@pytest.mark.parametrize("spin", [0.0, 10.0, 100.0])
+@pytest.mark.parametrize("phase", [0.0, 0.3, 0.7])
+def test_the_spin_of_a_smooth_ball_does_not_matter_to_what_hits_it(spin: float, phase: float) -> None:
+    # A grain that comes along x hits at the height d, where the normal is n = (√(1 − d²/R²), d/R), R = 13 cm:
+    # P = 2 u·n/(1/m + 1/M). Where it hits is known to (ω h)²/8 of R.
+    m, mass, u, d, reach, h = 0.3, 3.0, 4.0, 0.06, 0.13, 1e-3
+    n = np.array([math.sqrt(1 - (d / reach) ** 2), d / reach, 0.0])
+    impulse = 2 * u * n[0] / (1 / m + 1 / mass)
+    result = simulate(
+        0.1,
+        h,
+        particles=[grains([[0.303 + u * h * phase, d, 0]], [[-u, 0, 0]], radius=0.03, mass=m)],
+        bodies=[
+            body({"type": "sphere", "radius": 0.1}, mass=mass, friction=0.0, angular_velocity=[0, 0, spin])
+        ],
+        interactions=[TOUCH | {"friction": 0.0}],
+        output={"ledger": True, "every": 1},
+    )
+    expected = np.array([-u, 0, 0]) + impulse / m * n
+    assert result.final["velocity"][0] == pytest.approx(expected, abs=1e-4 + u * (spin * h) ** 2 / 8)
+    rows = totals(result)
+    assert np.abs(rows - rows[:, :1]).max() < 64 * EPS
+
+
 def test_friction_at_an_impact_is_that_of_coulomb_and_keeps_momentum() -> None:
     # It slides: the tangential impulse is μ times the normal one.
     mu = 0.1

@@ -24,7 +24,7 @@ from particlesim.engine.rigid.bodies import add_contact, orientation, place, set
 from particlesim.engine.rigid.convex import nearest
 from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, minus, plus
 from particlesim.engine.rigid.pieces import Solid, solid_of
-from particlesim.engine.rigid.rotation import cross, dot, matrix, to_body, to_world
+from particlesim.engine.rigid.rotation import cross, dot, matrix, rotated, to_body, to_world
 
 HOPS = 48
 """Steps of Newton's method at most."""
@@ -139,7 +139,7 @@ def depths_in(b: Any, group: Any, x: Any, radius: Any, depth: Any, which: Any) -
 @outlined
 def find_guests(guests: Any, b: Any, k: Any, motion: Any, slop: Any, h: Any) -> None:
     """Note the contacts that guests have with bodies in a step of length h, of which half is over."""
-    found, best = on_stack(1, 9, np.float64), on_stack(1, 7, np.float64)
+    found, best = on_stack(1, 9, np.float64), on_stack(1, 2, np.float64)
     p = b.pieces
     for m in range(guests.radius.size):
         guest, which = guests.first + m, -1
@@ -166,15 +166,28 @@ def find_guests(guests: Any, b: Any, k: Any, motion: Any, slop: Any, h: Any) -> 
                         which = i
         guests.when[m] = 0.0
         if 0 < best[0, 0] <= h:
-            n, group = (best[0, 1], best[0, 2], best[0, 3]), b.group[which]
-            where, begin = (best[0, 4], best[0, 5], best[0, 6]), k.number[0]
+            group, begin, when = b.group[which], k.number[0], best[0, 0] - 0.5 * h
+            n, beside = on_impact(p, b, motion, which, guest, int(best[0, 1]), when, found)
+            guests.when[m] = when
+            b.x[0, guest], b.x[1, guest], b.x[2, guest] = plus(place(b, which), 1.0, beside)
+            where = plus(place(b, guest), -radius, n)
             add_contact(k, which, guest, GRAINS + guests.id[m], where, (-n[0], -n[1], -n[2]), 0.0)
             meet(guests, k, begin, kind, group)
-            # It is where the body sees it as they touch.
-            guests.when[m] = best[0, 0] - 0.5 * h
-            b.x[0, guest], b.x[1, guest], b.x[2, guest] = plus(where, radius, n)
         for axis in range(3):
             guests.at[axis, m] = b.x[axis, guest]
+
+
+@outlined
+def on_impact(p: Any, b: Any, motion: Any, i: Any, guest: Any, number: Any, when: Any, found: Any) -> Any:
+    """The normal of a piece at a guest at the time of their impact, counted from the middle of the step, and where the guest
+    is then from the centre of body i, which has turned since."""
+    body, own, x = motion.now[i], motion.now[guest], place(b, i)
+    spin = (body[3], body[4], body[5])
+    beside = minus(place(b, guest), x)
+    beside = plus(beside, when, (own[0] - body[0], own[1] - body[1], own[2] - body[2]))
+    s = solid_of(p, number, x, matrix(orientation(b, i)))
+    _, n = away_from(p, s, plus(x, 1.0, rotated(beside, spin, -when)), found)
+    return rotated(n, spin, when), beside
 
 
 def meet(guests: Any, k: Any, begin: Any, kind: Any, group: Any) -> None:
@@ -202,19 +215,21 @@ def follow(
 ) -> None:
     """Follow the way of a guest, which moves with u as body i sees it, from the beginning of the step to a piece.
 
-    All pieces that it touches there are noted; of those that it would come to, the first one is kept in `best` [1, 7]: when,
-    the normal, the place of contact.
+    All pieces that it touches there are noted; of those that it would come to, the first one is kept in `best` [1, 2]: when,
+    and its number.
     """
     x = plus(at, -0.5 * h, u)
     now, n = away_from(p, s, x, found)
     now -= radius
-    if now <= max(NEAR * p.fine[s.number], slop):
+    falls = -dot(u, n)
+    # What comes fast, though it is near already, has an impact of its own.
+    flies = now > NEAR * p.fine[s.number] and h * falls > slop
+    if now <= max(NEAR * p.fine[s.number], slop) and not flies:
         where = plus(at, -(radius + 0.5 * now), n)
         add_contact(k, i, guest, GRAINS + id, where, (-n[0], -n[1], -n[2]), now)
         best[0, 0] = -np.inf
         return
     gap, t = now, 0.0
-    falls = -dot(u, n)
     for _ in range(HOPS):
         if gap <= NEAR * p.fine[s.number] or not falls > 0 or t > h:
             break
@@ -224,9 +239,7 @@ def follow(
         gap -= radius
         falls = -dot(u, n)
     if falls > 0 and t <= h and t < best[0, 0]:
-        best[0, 0] = t
-        best[0, 1], best[0, 2], best[0, 3] = n
-        best[0, 4], best[0, 5], best[0, 6] = plus(x, -radius, n)
+        best[0, 0], best[0, 1] = t, s.number
 
 
 @outlined

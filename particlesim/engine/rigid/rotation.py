@@ -71,6 +71,20 @@ def dot(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
+def rotated(a: Any, w: Any, t: Any) -> Any:
+    """A vector that has rotated with an angular velocity w for a time t, which may be negative (Rodrigues)."""
+    rate = np.sqrt(dot(w, w))
+    if rate * t == 0:
+        return a
+    k, c, s = (w[0] / rate, w[1] / rate, w[2] / rate), np.cos(rate * t), np.sin(rate * t)
+    across, along = cross(k, a), (1 - c) * dot(k, a)
+    return (
+        c * a[0] + s * across[0] + along * k[0],
+        c * a[1] + s * across[1] + along * k[1],
+        c * a[2] + s * across[2] + along * k[2],
+    )
+
+
 def angular_velocity(q: Any, spin: Any, inertia: Any) -> Any:
     """ω = R I⁻¹ Rᵀ L [1/s] of a body with angular momentum `spin` and principal moments `inertia`."""
     r = matrix(q)
