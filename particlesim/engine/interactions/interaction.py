@@ -216,8 +216,7 @@ class Interaction:
         """Copy the changes of the same `among` particles in another order."""
 
     def energy(self, c: Any, t: float) -> float | None:
-        """Potential energy at a time t [J] of all particles in c, be they born yet or dead; None for a kind without a
-        potential."""
+        """Potential energy at time t [J] of all particles in c, born yet or not, or dead; None for a kind without one."""
         return None
 
     @property
