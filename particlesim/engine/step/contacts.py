@@ -12,6 +12,9 @@ from particlesim.colliders.response import along, at_rest, crossable, opposite, 
 from particlesim.engine.state.columns import type_of
 from particlesim.laws.registry import PASS, contact, gap, gap_and_normal, least_gap
 
+SHALLOW = 2.0**-3
+"""Part of `rounding` that gaps are off by at most: twice the rounding error of the numbers that they are made of."""
+
 
 class Simple(NamedTuple):
     """Colliders met once after each step: none, one, or several that are perpendicular or parallel; and those that yield."""
@@ -67,12 +70,26 @@ def nearest(colliders: Any, p: Any) -> Any:
     return min(gap(colliders[0], p), nearest(colliders[1:], p))
 
 
-def ahead(colliders: Any, on: Any, p: Any) -> Any:
-    """The smallest gap to colliders other than those on which the particle lies [m]; positive where there are none."""
+def ahead(contacts: Any, on: Any, p: Any) -> Any:
+    """The smallest gap to continuous colliders other than those on which the particle lies [m]; positive where there are
+    none. In single precision it is also positive where the particle has bounced by a rounding error too deep, and leaves."""
+    return _ahead(contacts.continuous, on, p, shallow(contacts, p) if coarse(contacts.tolerance) else None)
+
+
+def _ahead(colliders: Any, on: Any, p: Any, noise: Any) -> Any:
     if len(colliders) == 0:
         return type_of(p.x, 1)
-    free = type_of(p.x, 1) if on[0] else gap(colliders[0], p)
-    return min(free, ahead(colliders[1:], on[1:], p))
+    free = type_of(p.x, 1) if on[0] else _room(colliders[0], p, noise)
+    return min(free, _ahead(colliders[1:], on[1:], p, noise))
+
+
+def _room(c: Any, p: Any, noise: Any) -> Any:
+    if noise is None:
+        return gap(c, p)
+    if isinstance(c.shape, MovingRecord):
+        return _room(at_rest(c), ride(c.shape, p), noise)
+    g, n = gap_and_normal(c, p)
+    return abs(g) if (g >= -noise) & (along(n, p) >= 0) else g
 
 
 def sunk(colliders: Any, on: Any, p: Any, q: Any, slack: Any) -> Any:
@@ -116,42 +133,50 @@ def nowhere(colliders: Any) -> Any:
 def ends_inside(contacts: Any, q: Any) -> Any:
     """Whether a step ends inside of a collider that no way crosses: a plane, or a discrete one."""
     planes = tuple(c for c in contacts.continuous if not crossable(c))
-    return sinks(planes, q, rounding(contacts, q)) | inside(contacts.discrete, nowhere(contacts.discrete), q)
+    sunk_in = sinks(planes, q, rounding(contacts, q), contacts.tolerance)
+    return sunk_in | inside(contacts.discrete, nowhere(contacts.discrete), q)
 
 
-def sinks(planes: Any, q: Any, slack: Any) -> Any:
+def sinks(planes: Any, q: Any, slack: Any, tolerance: Any) -> Any:
     """Whether a step that ends at q leads into one of some planes."""
     if len(planes) == 0:
         return False
-    return presses(*gap_and_normal(planes[0], q), q, slack) | sinks(planes[1:], q, slack)
+    return presses(*gap_and_normal(planes[0], q), q, slack, tolerance) | sinks(
+        planes[1:], q, slack, tolerance
+    )
 
 
-def pressed(colliders: Any, p: Any, q: Any, slack: Any, alone: bool) -> Any:
+def pressed(colliders: Any, p: Any, q: Any, slack: Any, tolerance: Any, alone: bool) -> Any:
     """Whether a step from p to q leads into one of some colliders by what presses, more than by the velocity of p. Where
     each is looked at `alone`, since gaps take a search, a bound of the gap comes first."""
     if len(colliders) == 0:
         return False
-    others = pressed(colliders[1:], p, q, slack, alone)
-    return (
-        (others or _pressed(colliders[0], p, q, slack, alone))
-        if alone
-        else others | _pressed(colliders[0], p, q, slack, alone)
-    )
+    others = pressed(colliders[1:], p, q, slack, tolerance, alone)
+    if alone:
+        return others or _pressed(colliders[0], p, q, slack, tolerance, alone)
+    return others | _pressed(colliders[0], p, q, slack, tolerance, alone)
 
 
-def _pressed(c: Any, p: Any, q: Any, slack: Any, alone: bool) -> Any:
+def _pressed(c: Any, p: Any, q: Any, slack: Any, tolerance: Any, alone: bool) -> Any:
     if isinstance(c.shape, MovingRecord):
-        return _pressed(at_rest(c), ride(c.shape, p), ride(c.shape, q), slack, alone)
+        return _pressed(at_rest(c), ride(c.shape, p), ride(c.shape, q), slack, tolerance, alone)
     if alone and least_gap(c.shape, q, slack) > slack:
         return False
     g, n = gap_and_normal(c, q)
-    return presses(g, n, q, slack) & (along(n, p) >= type_of(g, 0.5) * along(n, q))
+    deep = presses(g, n, q, slack, tolerance) & (along(n, p) >= type_of(g, 0.5) * along(n, q))
+    # Where places are rounded much, what flies in would fall on until it is `slack` deep, and be given the way back.
+    return (deep | ((g < 0) & (along(n, q) < 0))) if coarse(tolerance) else deep
 
 
-def presses(g: Any, n: Any, q: Any, slack: Any) -> Any:
+def coarse(tolerance: Any) -> bool:
+    """Whether places are kept in single precision, by the type of the tolerance of contacts."""
+    return isinstance(tolerance, np.float32)
+
+
+def presses(g: Any, n: Any, q: Any, slack: Any, tolerance: Any) -> Any:
     """Whether a particle with this gap and normal is inside, or moves in where the gap is but a rounding error: in single
     precision steps may sink by less than places are rounded."""
-    if isinstance(g, np.float32):
+    if coarse(tolerance):
         return g < (slack if along(n, q) < 0 else type_of(g, 0))
     return g < 0  # no step is that short in double precision, and looks would double the cost of six planes
 
@@ -175,6 +200,11 @@ FLAT = ALONG_AXES[:2]
 def rounding(contacts: Any, p: Any) -> Any:
     """Gaps that are nothing but rounding errors [m]."""
     return contacts.tolerance * (extent(contacts, p.x, p.y, p.z) + p.r + contacts.reach)
+
+
+def shallow(contacts: Any, p: Any) -> Any:
+    """A bound of the rounding error of a gap itself [m], of which `rounding` is a safe multiple."""
+    return type_of(p.x, SHALLOW) * rounding(contacts, p)
 
 
 def rounding_of_step(contacts: Any, p: Any, q: Any, h: Any) -> Any:

@@ -10,11 +10,15 @@ takes them through their step, in vectors.
 
 Whether a path goes into a collider, such as a ball or a thin sheet, and comes out again is found on the parabola from its
 beginning to its end (`particlesim.colliders.way`).
+
+Where places are kept in single precision, `trace` follows them in double: they would be rounded at every impact.
 """
 
 from __future__ import annotations
 
 from typing import Any
+
+import numpy as np
 
 from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord
@@ -25,6 +29,7 @@ from particlesim.engine.step.contacts import (
     ALONG_AXES,
     Simple,
     ahead,
+    coarse,
     ends_inside,
     farther,
     inside,
@@ -35,6 +40,7 @@ from particlesim.engine.step.contacts import (
     pressed,
     rounding,
     rounding_of_step,
+    shallow,
     sunk,
 )
 from particlesim.engine.step.creases import no_faster, wedged
@@ -75,7 +81,7 @@ def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     # A way that ends inside by less than rounding errors crosses nothing. What lies there must be held all the same: it
     # would fall freely from step to step until it is deeper.
     colliders, alone = tuple(c for c in contacts.continuous if crossable(c)), contacts.one_by_one is not None
-    return met | pressed(colliders, p, q, rounding(contacts, q), alone)
+    return met | pressed(colliders, p, q, rounding(contacts, q), contacts.tolerance, alone)
 
 
 def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
@@ -133,6 +139,8 @@ def _separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
     deeper in a collider that has moved there."""
     slack = -rounding(contacts, p)
     q, outcome = meet(colliders, p)
+    if coarse(contacts.tolerance) and nearest(colliders, p) >= -shallow(contacts, p):
+        q = moved_to(q, p.x, p.y, p.z, q.vx, q.vy, q.vz, q.t)  # to lift it by rounding errors is a gain
     left, sweeps = nearest(colliders, q), 1
     while left < slack and sweeps < MOST_PUSHES:
         q, more = meet(colliders, q)
@@ -233,20 +241,20 @@ def _time_of_impact(
     half = type_of(h, 0.5)  # dividing by the integer 2 would turn single precision into double
     early, late = h - h, h
     q, _, on, _ = _glide(method, dynamics, forces, contacts, p, late, memory, calm)
-    above = max(ahead(contacts.continuous, on, p), h - h)
-    below = ahead(contacts.continuous, on, q)
+    above = max(ahead(contacts, on, p), h - h)
+    below = ahead(contacts, on, q)
     # A particle that touches and sinks at once hits now: resting contact must not cost a search. A fast one would be deep
     # by then, and gain the energy of being put back: it hits as soon as it is deep enough to be seen.
     now = h * type_of(h, 2.0**-30)
     q, _, on, _ = _glide(method, dynamics, forces, contacts, p, now, memory, calm)
-    depth = -ahead(contacts.continuous, on, q)
+    depth = -ahead(contacts, on, q)
     if depth > 0:
         seen = type_of(h, 8) * rounding(contacts, p)
         if depth <= seen:
             return now
         sooner = now * (seen / depth)
         q, _, on, _ = _glide(method, dynamics, forces, contacts, p, sooner, memory, calm)
-        return sooner if ahead(contacts.continuous, on, q) < 0 else now
+        return sooner if ahead(contacts, on, q) < 0 else now
     side = 0
     for turn in range(MAX_HALVINGS):
         middle = early + (late - early) * half
@@ -256,7 +264,7 @@ def _time_of_impact(
             guess = (late * above - early * below) / (above - below)
             middle = guess if early < guess < late else middle
         q, _, on, _ = _glide(method, dynamics, forces, contacts, p, middle, memory, calm)
-        value = ahead(contacts.continuous, on, q)
+        value = ahead(contacts, on, q)
         if value < 0:
             late, below = middle, value
             above = above * half if side == -1 else above
@@ -287,7 +295,7 @@ def _reached(
     """
     q, _, on, _ = _glide(method, dynamics, forces, contacts, p, late, memory, calm)
     there = moved_to(q, place.x, place.y, place.z, q.vx, q.vy, q.vz, q.t)
-    exact = ahead(contacts.continuous, on, q) < 0
+    exact = ahead(contacts, on, q) < 0
     if turned_away(contacts.continuous, there, q):
         exact = False
     x, y, z = q.x if exact else there.x, q.y if exact else there.y, q.z if exact else there.z
@@ -304,7 +312,7 @@ def _lying(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
     for _ in range(MAX_HALVINGS):
         part = part * half
         q, _, on, turn = _glide(method, dynamics, forces, contacts, p, part, memory, SURE)
-        if any(on) and turn >= 1 and ahead(contacts.continuous, on, q) >= 0:
+        if any(on) and turn >= 1 and ahead(contacts, on, q) >= 0:
             late, _ = crossing(contacts, on, p, q, part)
             if late >= part:
                 found, r = part, q
@@ -321,6 +329,19 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
     """
     if isinstance(contacts, Simple):
         return p, memory, PASS, None
+    if not coarse(contacts.tolerance):
+        return _trace(method, dynamics, forces, contacts, p, h, memory)
+    # Impacts are between the places that single precision knows: rounded to one of them, each would gain or lose energy.
+    fine = type(p)(*(each if each is None else np.float64(each) for each in p))
+    known = tuple(np.float64(each) for each in memory)
+    q, after, outcome, hit = _trace(method, dynamics, forces, contacts, fine, np.float64(h), known)
+    x, y, z, vx, vy, vz = (type_of(p.x, each) for each in q[:6])
+    return moved_to(p, x, y, z, vx, vy, vz, q.t), tuple(type_of(p.x, each) for each in after), outcome, hit
+
+
+@outlined
+def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
+    """As `trace`, in the precision of p."""
     left, half = h, type_of(h, 0.5)
     end = p.t + h
     hit = silence(contacts.continuous + contacts.discrete, p)
@@ -349,7 +370,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
                     q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
                     shorter += 1
             late, place = crossing(contacts, on, p, q, length)
-            if not (late < length or ahead(contacts.continuous, on, q) < 0):
+            if not (late < length or ahead(contacts, on, q) < 0):
                 p = q
                 if length == left:
                     memory = after
@@ -383,7 +404,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
                 tau = _time_of_impact(method, dynamics, forces, contacts, p, late, memory, how)
             # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
             top, _, on, _ = _glide(method, dynamics, forces, contacts, p, half * tau, memory, how)
-            low = ahead(contacts.continuous, on, top) <= rounding(contacts, p)
+            low = ahead(contacts, on, top) <= rounding(contacts, p)
             stalls = stalls + 1 if low or tau < h / 1048576 else 0
             impacts += 1
             if exact:

@@ -37,7 +37,7 @@ def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, s
     """As `borne`, in the frame of the collider; s is p with its velocity along the axes of the end of the step."""
     touch = touched(c, p, q)
     r, turn = held(c, s, q, touch, h, tolerance)
-    here = lies(c, p, q, touch, h, slack, sure)
+    here = lies(c, p, q, touch, h, tolerance, slack, sure)
     if dented(c.shape):
         free = free_part(c, here, p, r, touch.up, touch.normal, h, slack)
         lain, turn = free > 0, min(turn, free)

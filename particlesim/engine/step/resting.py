@@ -34,7 +34,7 @@ from particlesim.colliders.response import (
     with_slide,
 )
 from particlesim.engine.state.columns import chosen, type_of
-from particlesim.engine.step.contacts import presses
+from particlesim.engine.step.contacts import coarse, presses
 from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
 
 LEVEL = 2.0**-10
@@ -45,7 +45,7 @@ NOISE = 2.0**-19
 """Part of a speed that its rounding errors in single precision stay below, as `records.CONTACT_TOLERANCE` says."""
 
 
-def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) -> Any:
+def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
     """Whether a step from p to q is rest on a collider: p touches it and does not approach it, its own velocity explains
     less than half of how deep q is, as in a bowl, and forces the rest. Any hop of p is then shorter than the step, and so
     are all that would follow; one on an elastic collider does not end, unless there is none. Where it is `sure` that hops
@@ -59,7 +59,7 @@ def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) ->
         & (c.response.bounce < 2)
     )
     calm |= abs(coasting) <= slack
-    if isinstance(touch.depth, np.float32):
+    if coarse(tolerance):
         # A slow impact is no deeper than rounding errors, either: velocities tell it from rest.
         own, noise = along(n, p), type_of(h, NOISE) * (abs(p.vx) + abs(p.vy) + abs(p.vz))
         slow = own >= type_of(h, 0.5) * along(touch.normal, q) - noise
@@ -67,7 +67,7 @@ def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, slack: Any, sure: Any) ->
         calm = slow if touch.depth > -(slack + slack) else calm
     calm |= sure
     calm &= same_face(c, touch)
-    down = presses(touch.depth, touch.normal, q, slack)
+    down = presses(touch.depth, touch.normal, q, slack, tolerance)
     return (touch.start <= slack) & down & calm & (c.response.outcome == PASS)
 
 
