@@ -94,13 +94,24 @@ class Meetings:
         number = sum(len(rows) for rows in self._held.values())
         gain = ties.gain(self._chosen)
         self._bodies.visitors = among(self._chosen, np.ascontiguousarray(surfaces), gain, number)
+        self._bodies.pull_on = self._accelerations
+
+    def _accelerations(self, time: float) -> Floats:
+        """How much what else acts on visitors accelerates them at a time [m/s²], shape [3, visitors]; 0 of groups that
+        springs or rods join to bodies: what acts on those takes part in the step of bodies, as it did in the last one."""
+        parts = [np.zeros((3, len(rows))) for _, rows in self._chosen]
+        for part, (state, rows) in zip(parts, self._chosen, strict=True):
+            if len(rows) and state.name not in self._tied:
+                first = self._first_row(state)
+                part[:] = self._islands[state.name].forces(time)[:, first + rows] / state.mass[rows]
+        return np.concatenate(parts, axis=1)
 
     def dismiss(self) -> None:
         """After it: particles get their new velocities, and methods that remember the old ones start anew."""
         assert self._bodies is not None
         after, visitors = self._bodies.left, self._bodies.visitors
         assert visitors is not None
-        self._bodies.visitors = None
+        self._bodies.visitors = self._bodies.pull_on = None
         self._forget_jolts()
         first = 0
         for state, rows in self._chosen:
@@ -129,11 +140,15 @@ class Meetings:
 
     def _note(self, state: GroupState, rows: Ints, shift: Floats, v: Floats) -> None:
         """Note for the account of work what springs and rods do to particles before these make their own step."""
-        island = self._islands[state.name]
-        if island.books is not None:
-            before = takewhile(lambda each: each is not state, island.states)
+        books = self._islands[state.name].books
+        if books is not None:
             change = np.concatenate([shift, v - state.v[:, rows]])
-            island.books.jolts.append((sum(each.count for each in before) + rows, change))
+            books.jolts.append((self._first_row(state) + rows, change))
+
+    def _first_row(self, state: GroupState) -> int:
+        """The row of the first particle of a group in its island."""
+        before = takewhile(lambda each: each is not state, self._islands[state.name].states)
+        return sum(each.count for each in before)
 
     def _forget_jolts(self) -> None:
         for name in self._tied:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,7 @@ from particlesim.engine.rigid.joint_system import (
 )
 from particlesim.engine.rigid.joints import ROD
 from particlesim.engine.rigid.kernel import (
+    ASKS,
     FULL,
     GOOD,
     UNHELD,
@@ -116,6 +117,8 @@ class RigidIsland(BaseIsland):
         self._party: tuple[Bodies, Scene, Motion] | None = None
         self.visitors: Visitors | None = None
         """Particles that make the next step among the bodies."""
+        self.pull_on: Callable[[float], Floats] | None = None
+        """By how much what else acts on them accelerates them at a time [m/s²], shape [3, n]."""
         self.left: Left
         """The visitors after the step."""
         if self._made:
@@ -201,9 +204,12 @@ class RigidIsland(BaseIsland):
         whole, scene, motion = self._received(b, visitors)
         guests = scene.guests
         while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
-            if report[0] != FULL:
+            if report[0] == ASKS and self.pull_on is not None:
+                guests.pull[:], guests.asked[0] = self.pull_on(step * self.dt), 1
+            elif report[0] == FULL:
+                self._make_room(2 * int(report[1]))
+            else:
                 return self._fault(step, opened=report[0] == UNHELD)
-            self._make_room(2 * int(report[1]))
             fill(whole, b, visitors)  # from its beginning
             report[0] = GOOD
         self._have(whole)

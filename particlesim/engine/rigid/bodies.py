@@ -46,8 +46,10 @@ class Surfaces(NamedTuple):
 class Contacts(NamedTuple):
     """Contacts of a step: the two bodies and what tells the contact from others of theirs [k]; where, and the normal
     from the second to the first [3, k]; the gap [k]; restitution, static and kinetic friction [3, k]; velocity of a
-    collider's surface [3, k]; speed to be reached along the normal [k]; impulses along the normal and two tangents, and
-    one that only pushes apart what overlaps [k, 4]; what an impulse does along each of three directions [k, 3, ROW];
+    collider's surface [3, k]; speed to be reached along the normal [k]; of impacts of particles the time since the step
+    began, 0 of other contacts, how much else accelerates them along the normal, and the time at which the kick of the step
+    counts as given, or `energy.LIES` [3, k]; impulses along the normal and two tangents, and one that only pushes apart
+    what overlaps [k, 4]; what an impulse does along each of three directions [k, 3, ROW];
     impulses before a sweep, and the direction in which sweeps go on [k, 3]; contacts by their clusters [k]; of those that
     turn bodies only, limits and motors of joints (`stops`) and rolling friction, what they are [k], 0 for others, and of
     motors the speed and the greatest impulse, of rolling friction the contact that presses and the radius [2, k]; of those
@@ -63,6 +65,7 @@ class Contacts(NamedTuple):
     surface: Any
     belt: Any
     target: Any
+    late: Any
     impulse: Any
     rows: Any
     before: Any
@@ -130,11 +133,11 @@ def new_contacts(room: int) -> Contacts:
     """Room for contacts."""
     first, second, feature = (np.zeros(room, np.int64) for _ in range(3))
     point, normal, surface, belt = (np.zeros((3, room)) for _ in range(4))
-    gap, target = np.zeros(room), np.zeros(room)
+    gap, target, late = np.zeros(room), np.zeros(room), np.zeros((3, room))
     impulse, rows, number = np.zeros((room, 4)), np.zeros((room, 3, ROW)), np.zeros(2, np.int64)
     before, onward, order = np.zeros((room, 3)), np.zeros((room, 3)), np.zeros(room, np.int64)
     return Contacts(
-        *(first, second, feature, point, normal, gap, surface, belt, target),
+        *(first, second, feature, point, normal, gap, surface, belt, target, late),
         *(
             impulse,
             rows,
@@ -195,7 +198,7 @@ def add_contact(k: Any, i: Any, j: Any, feature: Any, point: Any, normal: Any, g
         k.number[1] += 1
         return -1
     k.first[number], k.second[number], k.feature[number], k.gap[number] = i, j, feature, gap
-    k.turns[number] = 0
+    k.turns[number], k.late[0, number], k.late[1, number] = 0, 0.0, 0.0
     for axis in range(3):
         k.belt[axis, number] = 0.0
     k.point[0, number], k.point[1, number], k.point[2, number] = point

@@ -56,7 +56,8 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
     if scene.joints is not None:
         find_stops(scene.stops, scene.joints, b, k, motion, h)
     if scene.guests is not None:
-        find_guests(scene.guests, b, k, motion, scene.slop, h)
+        joined = None if scene.joints is None else scene.joined
+        find_guests(scene.guests, joined, b, k, motion, scene.slop, h)
 
 
 def begins(b: Any, margin: Any, i: Any) -> Any:

@@ -13,6 +13,8 @@ from particlesim.engine.rigid.contact_rows import speed_along
 from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.stops import MOTOR
 
+LIES = -1.0
+"""In place of the time at which a kick counts as given: not at all, as the body lies on something."""
 NOISE = 2.0**-40
 """The part of the energy of motion that a gain may be by rounding."""
 
@@ -35,6 +37,25 @@ def against_forces(motion: Any, i: Any, h: Any) -> float:
     for axis in range(6):
         done += 0.5 * h * f[axis] * (now[axis] - was[axis])
     return done
+
+
+def of_time(b: Any, k: Any, motion: Any, c: Any, h: Any) -> float:
+    """What forces do less, besides, as the impact of a particle was not in the middle of a step of h [J]; 0 for others.
+
+    Its body is moved by −ΔV t, with t the time from the middle on, and the particle by −Δv τ, with τ that from the beginning
+    on (`grains`). That takes work against the forces that act on them in the kick, and on the particle alone.
+    """
+    if not k.late[0, c] > 0:
+        return 0.0
+    i, j, away = k.first[c], k.second[c], 0.0
+    for axis in range(3):
+        total = 0.0
+        for d in range(3):
+            total += k.rows[c, d, axis] * k.impulse[c, d]
+        away += total * (motion.pull[i, axis] * b.w[i] - motion.pull[j, axis] * b.w[j])
+    if k.late[2, c] == LIES:
+        away = 0.0
+    return (0.5 * h - k.late[2, c]) * away - k.late[0, c] * k.late[1, c] * k.impulse[c, 0]
 
 
 @outlined
@@ -60,6 +81,8 @@ def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
             work += 0.5 * motion.gained[i, axis] * (now[3 + axis] + was[3 + axis])
             had += 0.5 * m * was[axis] * was[axis]
         gain[root(parent, i)] += work - against_forces(motion, i, h) - NOISE * had
+    for c in range(k.number[0]):
+        gain[root(parent, k.first[c])] -= of_time(b, k, motion, c, h)
     for c in range(k.number[0]):
         runs = k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
         if runs or k.turns[c] == MOTOR:
@@ -112,6 +135,8 @@ def bearable(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
                 bend += 0.5 * m * dv * dv + 0.5 * e * dw
                 had += 0.5 * m * was[axis] * was[axis]
             gain -= against_forces(motion, i, h)
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        gain -= of_time(b, k, motion, k.order[at], h)
     if not gain > NOISE * had:
         return 1.0
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):

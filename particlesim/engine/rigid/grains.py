@@ -9,7 +9,9 @@ function of time on a straight path, so Newton's method converges to that time a
 fast particles. The contact points of an impact at the time t, counted from the middle of the step, are those at t. As
 impulses are given in the middle of the step, both are shifted afterwards to where they would be if the impulse had been
 given at t: the body by −ΔV t, the guest by −Δv (h/2 + t), as its own method moves it with its new velocity from the
-beginning of the step on. So momentum and angular momentum are kept to rounding.
+beginning of the step on. So momentum and angular momentum are kept to rounding. To be moved takes work against the forces
+that act on them, F·Δv times that; the speed of an impact is therefore the one that forces have made by then (`solver.aim`),
+which needs to know what acts on guests (`asks`).
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ import numpy as np
 
 from particlesim.bodies.pieces import BOX, CAPSULE, CYLINDER, HULL, SPHERE
 from particlesim.compiler import kernel, on_stack, outlined
-from particlesim.engine.rigid.bodies import add_contact, orientation, place, set_surface
+from particlesim.engine.rigid.bodies import add_contact, orientation, place, row, set_surface
 from particlesim.engine.rigid.convex import nearest
 from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, minus, plus
 from particlesim.engine.rigid.pieces import Solid, solid_of
@@ -40,7 +42,9 @@ class Guests(NamedTuple):
 
     Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
     [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n]; the force of what acts on
-    particles alone, as it was in the last step [N] [3, n] (`other`). How many of the first ones rods hold.
+    particles alone, as it was in the last step [N] [3, n] (`other`). How many of the first ones rods hold. How much what
+    else acts on the others accelerates them at its beginning [m/s²] [3, n] (`pull`), once that has been `asked` for [1]: not
+    before one of them hits something.
     """
 
     first: int
@@ -56,6 +60,8 @@ class Guests(NamedTuple):
     shift: Any
     other: Any
     held: int
+    pull: Any
+    asked: Any
 
 
 def away_from(p: Any, s: Any, x: Any, found: Any) -> Any:
@@ -137,8 +143,9 @@ def depths_in(b: Any, group: Any, x: Any, radius: Any, depth: Any, which: Any) -
 
 
 @outlined
-def find_guests(guests: Any, b: Any, k: Any, motion: Any, slop: Any, h: Any) -> None:
-    """Note the contacts that guests have with bodies in a step of length h, of which half is over."""
+def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any, h: Any) -> None:
+    """Note the contacts that guests have with bodies in a step of length h, of which half is over; those that joints hold
+    are `joined`, None where none are."""
     found, best = on_stack(1, 9, np.float64), on_stack(1, 2, np.float64)
     p = b.pieces
     for m in range(guests.radius.size):
@@ -171,7 +178,12 @@ def find_guests(guests: Any, b: Any, k: Any, motion: Any, slop: Any, h: Any) -> 
             guests.when[m] = when
             b.x[0, guest], b.x[1, guest], b.x[2, guest] = plus(place(b, which), 1.0, beside)
             where = plus(place(b, guest), -radius, n)
-            add_contact(k, which, guest, GRAINS + guests.id[m], where, (-n[0], -n[1], -n[2]), 0.0)
+            number = add_contact(k, which, guest, GRAINS + guests.id[m], where, (-n[0], -n[1], -n[2]), 0.0)
+            if number >= 0:
+                # Bodies in joints are not moved to where they would be if the impulse had been given then.
+                moves = joined is None or joined[which] == 0
+                k.late[0, number], k.late[1, number] = best[0, 0], dot(row(guests.pull, m), n)
+                k.late[2, number] = best[0, 0] if moves else 0.5 * h
             meet(guests, k, begin, kind, group)
         for axis in range(3):
             guests.at[axis, m] = b.x[axis, guest]
@@ -240,6 +252,15 @@ def follow(
         falls = -dot(u, n)
     if falls > 0 and t <= h and t < best[0, 0]:
         best[0, 0], best[0, 1] = t, s.number
+
+
+def asks(guests: Any, k: Any) -> bool:
+    """Whether a guest hits a body, and it is not known yet what else acts on it."""
+    hits = False
+    if guests.asked[0] == 0:
+        for c in range(k.number[0]):
+            hits |= k.late[0, c] > 0
+    return hits
 
 
 @outlined

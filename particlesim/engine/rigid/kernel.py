@@ -16,7 +16,7 @@ from particlesim.compiler import kernel, outlined
 from particlesim.engine.rigid.acting import potential_of, power, sum_all_forces
 from particlesim.engine.rigid.bodies import orientation, row
 from particlesim.engine.rigid.broad import find_contacts
-from particlesim.engine.rigid.grains import settle_guests
+from particlesim.engine.rigid.grains import asks, settle_guests
 from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.narrow import entry
 from particlesim.engine.rigid.rotation import (
@@ -37,9 +37,9 @@ from particlesim.engine.rigid.work import (
 )
 from particlesim.model.quaternions import times
 
-GOOD, WILD, FULL, UNHELD = 0, 1, 2, 3
+GOOD, WILD, FULL, UNHELD, ASKS = 0, 1, 2, 3, 4
 """How a step ended: well, with a number that is not finite, with more contacts than there was room for, with a joint that
-could not be held."""
+could not be held, or not, as a guest hits a body and it is not known what else acts on it."""
 
 
 class Stretch(NamedTuple):
@@ -249,6 +249,9 @@ def step_bodies(
         find_contacts(scene, b, k, motion, memory, middle, dt)
         if k.number[1] > 0:
             report[0], report[1] = FULL, k.number[0] + k.number[1]
+            return step
+        if scene.guests is not None and asks(scene.guests, k):
+            report[0] = ASKS
             return step
         lay_out(b, k, motion)
         kick(scene, b, motion, middle, dt)

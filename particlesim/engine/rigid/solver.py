@@ -26,7 +26,7 @@ from particlesim.compiler import outlined, shared
 from particlesim.engine.rigid.bodies import NOBODY, WORLD, orientation, row
 from particlesim.engine.rigid.clusters import gather, root
 from particlesim.engine.rigid.contact_rows import bounded, direct, speed_along, strike
-from particlesim.engine.rigid.energy import against_forces, gains, hold_back, keep
+from particlesim.engine.rigid.energy import LIES, against_forces, gains, hold_back, keep, of_time
 from particlesim.engine.rigid.equations import MOST_BODIES, STEEP
 from particlesim.engine.rigid.joints import level
 from particlesim.engine.rigid.multipliers import begin_anew, correct, keep_impulses, set_bounds
@@ -86,6 +86,26 @@ def lay_out(b: Any, k: Any, motion: Any) -> None:
 
 
 @outlined
+def lean(b: Any, k: Any, motion: Any, h: Any) -> None:
+    """Where a particle hits a body that lies on something, the kick of the step counts as not given: what it lies on takes
+    that back."""
+    hit = False
+    for c in range(k.number[0]):
+        hit |= k.late[0, c] > 0
+    if hit:
+        for i in range(b.w.size):
+            motion.low[i] = 0.0
+        for c in range(k.number[0]):
+            if k.late[0, c] == 0 and speed_along(k, motion, c, 0) * h < -max(k.gap[c], 0.0):
+                motion.low[k.first[c]] = 1.0
+                if k.second[c] != WORLD:
+                    motion.low[k.second[c]] = 1.0
+        for c in range(k.number[0]):
+            if motion.low[k.first[c]] > 0 and k.late[0, c] > 0:
+                k.late[2, c] = LIES
+
+
+@outlined
 def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
     """Set the speed that each contact of a cluster is to have along its normal; forces have been added since `lay_out`.
     Returns the largest speed that contact has to deal with."""
@@ -100,10 +120,17 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
         if k.turns[c] == ROLL:
             largest = max(largest, max(abs(speed_along(k, motion, c, 1)), abs(speed_along(k, motion, c, 2))))
             continue
-        gap = max(k.gap[c], 0.0)
+        gap, own = max(k.gap[c], 0.0), k.late[1, c]
         meets = now * h < -gap
-        quick = before < -RESTING * abs(now - before)
-        k.target[c] = -k.surface[0, c] * before if meets and quick and k.surface[0, c] > 0 else -gap / h
+        quick = before < -RESTING * abs(now - before + h * own)
+        rebound = -k.surface[0, c] * before
+        if k.late[0, c] > 0:
+            # At that time of the step it is as fast as all that acts has made it by then, not as at the beginning.
+            lies = k.late[2, c] == LIES
+            kicked = before if lies else now
+            struck = before + k.late[0, c] * own + (0.0 if lies else k.late[2, c] * (now - before) / h)
+            rebound = kicked - (1 + k.surface[0, c]) * struck
+        k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -gap / h
         largest = max(largest, max(abs(now), abs(now - before)))
         if meets:
             largest = max(largest, max(abs(speed_along(k, motion, c, 1)), abs(speed_along(k, motion, c, 2))))
@@ -147,6 +174,7 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
     """Find and give the impulses of a step, of contacts and of joints, whose rows are ready (None without); bodies have
     their velocities and angular momenta afterwards."""
     gather(k, motion, joints)
+    lean(b, k, motion, h)
     for cluster in range(motion.clusters[0]):
         level_all(b, motion, motion.now, motion.gained, joints, cluster)
         motion.largest[cluster] = aim(k, motion, cluster, h)
@@ -340,6 +368,8 @@ def yield_energy(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
             d, e = other[i, axis] - now[axis], other[i, 3 + axis] - now[3 + axis]
             bend[r] += 0.5 * m * d * d + 0.5 * e * (other[i, 6 + axis] - motion.gained[i, axis])
         low[r] -= against_forces(motion, i, h)
+    for c in range(k.number[0]):
+        low[root(parent, k.first[c])] -= of_time(b, k, motion, c, h)
     for i in range(b.w.size):
         if parent[i] == i:
             # what is gained = low + slope θ + bend θ², which is `gain` at θ = 1

@@ -72,8 +72,9 @@ def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
     tables = (visitors.touch, visitors.restitution, visitors.static, visitors.kinetic)
     scratch = (np.zeros(n), np.zeros((3, n)), np.zeros((3, n)))
     columns = (visitors.kind, visitors.radius, visitors.id, *tables)
+    known = (np.zeros((3, n)), np.zeros(1, np.int64))
     return Guests._make(
-        [bodies, *(each.copy() for each in columns), *scratch, _others(visitors, h), visitors.held]
+        [bodies, *(each.copy() for each in columns), *scratch, _others(visitors, h), visitors.held, *known]
     )
 
 
@@ -94,6 +95,7 @@ def joined(b: Bodies, visitors: Visitors) -> Bodies:
 def renew(guests: Guests, visitors: Visitors, h: float) -> None:
     """The same visitors in another step."""
     guests.other[:] = _others(visitors, h)
+    guests.pull[:], guests.asked[0] = 0.0, 0
 
 
 def fill(whole: Bodies, b: Bodies, visitors: Visitors) -> None:
