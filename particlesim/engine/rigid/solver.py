@@ -33,6 +33,7 @@ from particlesim.engine.rigid.multipliers import begin_anew, correct, keep_impul
 from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.rotation import cross, turned_by, world_inverse
 from particlesim.engine.rigid.stops import LIMIT, MOTOR, ROLL, lay_turn, tangent
+from particlesim.engine.rigid.timing import RESTING, lean, turned_around
 
 WORK = 40_000
 """Looks at contacts of a cluster in a step at most, all sweeps together, beyond the least number of sweeps."""
@@ -49,8 +50,6 @@ ROUNDING = 32 * float(np.finfo(float).eps)
 """Part of an impulse that rounding of some others makes."""
 PART = 0.2
 """Part of an overlap that is taken away in a step."""
-RESTING = 2.0
-"""A contact rebounds only if it approaches faster than this many times the speed that forces give in a step."""
 
 
 def velocities(b: Any, motion: Any) -> None:
@@ -86,26 +85,6 @@ def lay_out(b: Any, k: Any, motion: Any) -> None:
 
 
 @outlined
-def lean(b: Any, k: Any, motion: Any, h: Any) -> None:
-    """Where a particle hits a body that lies on something, the kick of the step counts as not given: what it lies on takes
-    that back."""
-    hit = False
-    for c in range(k.number[0]):
-        hit |= k.late[0, c] > 0
-    if hit:
-        for i in range(b.w.size):
-            motion.low[i] = 0.0
-        for c in range(k.number[0]):
-            if k.late[0, c] == 0 and speed_along(k, motion, c, 0) * h < -max(k.gap[c], 0.0):
-                motion.low[k.first[c]] = 1.0
-                if k.second[c] != WORLD:
-                    motion.low[k.second[c]] = 1.0
-        for c in range(k.number[0]):
-            if motion.low[k.first[c]] > 0 and k.late[0, c] > 0:
-                k.late[2, c] = LIES
-
-
-@outlined
 def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
     """Set the speed that each contact of a cluster is to have along its normal; forces have been added since `lay_out`.
     Returns the largest speed that contact has to deal with."""
@@ -130,6 +109,8 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
             kicked = before if lies else now
             struck = before + k.late[0, c] * own + (0.0 if lies else k.late[2, c] * (now - before) / h)
             rebound = kicked - (1 + k.surface[0, c]) * struck
+        elif k.second[c] == WORLD and 0 < k.surface[0, c] < 1:
+            rebound = max(turned_around(before, now, gap, k.surface[0, c], h), -gap / h)
         k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -gap / h
         largest = max(largest, max(abs(now), abs(now - before)))
         if meets:

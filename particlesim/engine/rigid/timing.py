@@ -1,0 +1,46 @@
+"""How fast things are at the time of their impact within a step, and how fast they rebound in its middle, where impulses are
+given."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import outlined
+from particlesim.engine.rigid.bodies import WORLD
+from particlesim.engine.rigid.contact_rows import speed_along
+from particlesim.engine.rigid.energy import LIES
+
+RESTING = 2.0
+"""A contact rebounds only if it approaches faster than this many times the speed that forces give in a step."""
+
+
+@outlined
+def lean(b: Any, k: Any, motion: Any, h: Any) -> None:
+    """Where a particle hits a body that lies on something, the kick of the step counts as not given: what it lies on takes
+    that back."""
+    hit = False
+    for c in range(k.number[0]):
+        hit |= k.late[0, c] > 0
+    if hit:
+        for i in range(b.w.size):
+            motion.low[i] = 0.0
+        for c in range(k.number[0]):
+            if k.late[0, c] == 0 and speed_along(k, motion, c, 0) * h < -max(k.gap[c], 0.0):
+                motion.low[k.first[c]] = 1.0
+                if k.second[c] != WORLD:
+                    motion.low[k.second[c]] = 1.0
+        for c in range(k.number[0]):
+            if motion.low[k.first[c]] > 0 and k.late[0, c] > 0:
+                k.late[2, c] = LIES
+
+
+def turned_around(before: Any, now: Any, gap: Any, e: Any, h: Any) -> Any:
+    """The speed of a rebound in the middle of a step, from a speed `before` the kick of the step that is `now` one, a gap
+    before contact, such that it comes as high as if it had gone on: with u² + 2 a s on the way there, e² of that, and the
+    same way back. In the middle of the step half of the kick is given. With e = 1 that is −u, as for all e without
+    forces."""
+    middle, fall = 0.5 * (before + now), max(before - now, 0.0) * gap / h
+    square = e * e * (middle * middle + 2 * fall) - 2 * fall
+    return now - middle + (np.sqrt(square) if square > 0 else 0.0)
