@@ -1,4 +1,4 @@
-"""Belts: surfaces that run along themselves, under soft grains."""
+"""Surfaces that move: belts under soft grains, and lifts under hard ones."""
 
 from __future__ import annotations
 
@@ -78,3 +78,33 @@ def test_the_work_of_a_belt_is_booked(law: dict[str, Any]) -> None:
     books = on_floor(law, (0, 0, 0), BELT, output={"ledger": True, "work": True, "every": 100}).ledger
     assert books["work.contact"][-1] == pytest.approx(books["kinetic"][-1], rel=1e-2)
     assert np.abs(books["balance"]).max() < STEP * MU * M * G * math.hypot(*BELT)
+
+
+@pytest.mark.parametrize("lift", [(0.0, -5.0, 0.0), (1.3, -2.1, 0.7), (0.0, 2.0, 0.0)])
+@pytest.mark.parametrize("friction", [{}, {"friction": 0.4}], ids=["smooth", "rough"])
+@pytest.mark.parametrize("rebound", [0.0, 0.6])
+def test_hard_grains_on_a_lift_move_as_on_a_floor_at_rest(
+    lift: tuple[float, ...], friction: dict[str, float], rebound: float
+) -> None:
+    # one falls on another one that lies on the floor, and both slide along it
+
+    def moves(floor: tuple[float, ...]) -> np.ndarray:
+        start = [tuple(np.add(floor, (0.5, 0, 0)))] * 2
+        final = simulate(
+            0.3,
+            1e-3,
+            particles=[points((0, R, 0), (0, 3.2 * R, 0), mass=M, radius=R, velocity=start)],
+            interactions=[{"type": "contact", "restitution": rebound, **friction}],
+            forces=[{"type": "gravity", "acceleration": [0, -G, 0]}],
+            colliders=[
+                {"name": "lift", "type": "box", "center": [0, -0.5, 0], "size": [9, 1, 9]}
+                | {"restitution": rebound, **friction}
+            ],
+            motions=[
+                {"collider": "lift", "path": [f"{x} + {u}*t" for x, u in zip("xyz", floor, strict=True)]}
+            ],
+        ).final
+        return np.array([final.position - 0.3 * np.array(floor), final.velocity - floor])
+
+    # places of about a metre are rounded in 300 steps, and velocities come from differences of theirs in a step
+    assert moves(lift) == pytest.approx(moves((0.0, 0.0, 0.0)), abs=300 * np.finfo(float).eps / 1e-3)

@@ -26,6 +26,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from particlesim.colliders.bounds import BoundsRecord
+from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
 from particlesim.colliders.response import ResponseRecord, put_back, rebound
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
@@ -351,6 +352,14 @@ def push_off_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
             k += 1
 
 
+def beside(collider: Any, p: Any) -> Any:
+    """A particle with its velocity relative to a collider where it is, along the axes of the world."""
+    if not isinstance(collider.shape, MovingRecord):
+        return p
+    x, y, z = surface_velocity(collider.shape, frame_at(collider.shape, p.t, p.x), p.x, p.y, p.z)
+    return moved_to(p, p.x, p.y, p.z, p.vx - x, p.vy - y, p.vz - z, p.t)
+
+
 @outlined
 def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any) -> None:
     """`push_off_walls` for particles [begin, end) of the list."""
@@ -359,14 +368,17 @@ def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any
         i, least = bench.wall[k], bench.wall_normal[3, k]
         n = (bench.wall_normal[0, k], bench.wall_normal[1, k], bench.wall_normal[2, k])
         p = fetch(c, i, t)
-        rate = p.vx * n[0] + p.vy * n[1] + p.vz * n[2]
+        q = beside(collider, p)
+        rate = q.vx * n[0] + q.vy * n[1] + q.vz * n[2]
         if (least >= 0) & (rate < 0):
             one, none = type_of(rate, 1), type_of(rate, 0)
             bounce = response.bounce if (-rate > least) | (response.bounce >= 2) else one
             friction = None if c.spin is not None else response.friction
             belt = None if c.spin is not None else response.belt
             once = ResponseRecord(bounce, none, one, PASS, friction, response.falling, belt)
-            vx, vy, vz = rebound(once, n, rate, p)
+            vx, vy, vz = rebound(once, n, rate, q)
+            if isinstance(collider.shape, MovingRecord):
+                vx, vy, vz = vx + (p.vx - q.vx), vy + (p.vy - q.vy), vz + (p.vz - q.vz)
             if c.spin is not None and response.friction is not None:
                 push = (vx - p.vx) * n[0] + (vy - p.vy) * n[1] + (vz - p.vz) * n[2]
                 dx, dy, dz = rub(collider, c, i, moved_to(p, p.x, p.y, p.z, vx, vy, vz, p.t), n, push)
