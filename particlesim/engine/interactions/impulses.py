@@ -26,7 +26,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from particlesim.colliders.bounds import BoundsRecord
-from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
+from particlesim.colliders.moving import MovingRecord, carried, frame_at, surface_velocity
 from particlesim.colliders.response import ResponseRecord, put_back, rebound
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
@@ -374,7 +374,7 @@ def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any
             one, none = type_of(rate, 1), type_of(rate, 0)
             bounce = response.bounce if (-rate > least) | (response.bounce >= 2) else one
             friction = None if c.spin is not None else response.friction
-            belt = None if c.spin is not None else response.belt
+            belt = None if c.spin is not None else carried(collider.shape, response.belt, p.t, p.x)
             once = ResponseRecord(bounce, none, one, PASS, friction, response.falling, belt)
             vx, vy, vz = rebound(once, n, rate, q)
             if isinstance(collider.shape, MovingRecord):
