@@ -75,7 +75,8 @@ class Collider(Rubbing, Model):
     normal impulse along the surface; what lies holds on slopes up to atan μ, and slides on steeper ones under μ N."""
     surface_velocity: Vector[MetresPerSecond] | None = None
     """Velocity at which the surface runs along itself, as that of a conveyor belt; what points out of the surface counts for
-    nothing. It acts by friction or tangential_loss."""
+    nothing. It acts by friction or tangential_loss. A belt turns with its collider, from the direction at the start
+    on."""
     tangential_loss: Annotated[Number, Ge(0), Le(1)] = 0.0
     """Part of the velocity along the surface that an impact takes away. No friction: what lies on the surface loses it in
     every step, and slides by a distance that depends on dt."""

@@ -114,6 +114,16 @@ def surface_velocity(c: MovingRecord, f: Frame, x: Any, y: Any, z: Any) -> Any:
     )
 
 
+def carried(shape: Any, belt: Any, t: Any, like: Any) -> Any:
+    """The velocity of a surface along itself [m/s] in the world at a time: a belt turns with its collider; None where there
+    is none."""
+    if belt is None or not isinstance(shape, MovingRecord):
+        return belt
+    if shape.spin is None:
+        return belt
+    return out_of(frame_at(shape, t, like).rows, belt)
+
+
 def ride(c: MovingRecord, p: Particle) -> Particle:
     """The particle as it is in the frame of the collider, at its time."""
     f = frame_at(c, p.t, p.x)

@@ -255,12 +255,17 @@ def bounce_at(response: Any, approach: Any) -> Any:
 
 def belt_along(response: Any, n: Any) -> Any:
     """The velocity of the surface along itself; None along a normal that is an axis, and where it is zero."""
-    if response.belt is None:
+    return along_surface(response.belt, n)
+
+
+def along_surface(belt: Any, n: Any) -> Any:
+    """The part of a belt along the surface, as `belt_along` has it."""
+    if belt is None:
         return None, None, None
     if flat(n):
-        return tuple(u if axis is None else None for u, axis in zip(response.belt, n, strict=True))
-    across = projected(n, response.belt)
-    return tuple(u - across * axis for u, axis in zip(response.belt, n, strict=True))
+        return tuple(u if axis is None else None for u, axis in zip(belt, n, strict=True))
+    across = projected(n, belt)
+    return tuple(u - across * axis for u, axis in zip(belt, n, strict=True))
 
 
 def sliding(response: Any, n: Any, approach: Any, p: Any) -> Any:

@@ -1,9 +1,10 @@
 """Energy from nothing: what an island has gained beyond all work done on it, relative to the energies that it has.
 
 With E the sum of the kinetic energy K and all potentials, ⁰ for values at the beginning, and W the work in the ledger since
-then (0 where no work is in it, as then forces without a potential can only take energy), the gain is
+then (0 where no work is in it, as then forces without a potential can only take energy), and A what has come from moving
+apart what overlaps (`interactions.lifting`), the gain is
 
-    E − E⁰ − W,
+    E − E⁰ − W − A,
 
 and it is compared with
 
@@ -60,6 +61,7 @@ class Account:
         self._start, self._now, self._low, self._high = ([0.0] * len(names) for _ in range(4))
         self._kinetic = 0.0
         self._work, self._turned = [0.0] * causes, [0.0] * causes
+        self._fed = 0.0
         self._first, self._last = -1, -1
 
     def forget(self) -> None:
@@ -71,8 +73,12 @@ class Account:
         """The step of the beginning; −1 before there is one."""
         return self._first
 
-    def begin(self, step: int, energies: Mapping[str, float], work: Floats, turned: Floats) -> None:
-        """Start from the energies [J] at a step, and the work booked and turned over up to there [J]."""
+    def begin(
+        self, step: int, energies: Mapping[str, float], work: Floats, turned: Floats, fed: float = 0.0
+    ) -> None:
+        """Start from the energies [J] at a step, the work booked and turned over up to there [J], and what moving particles
+        apart has fed [J]."""
+        self._fed = fed
         for values in (self._start, self._now, self._low, self._high):
             values[:] = self._potentials(energies)
         self._kinetic = energies["kinetic"]
@@ -83,11 +89,17 @@ class Account:
         return [energies.get(name, 0.0) for name in self._names]
 
     def look(
-        self, step: int, energies: Mapping[str, float], work: Floats, turned: Floats, drift: float = DRIFT
+        self,
+        step: int,
+        energies: Mapping[str, float],
+        work: Floats,
+        turned: Floats,
+        drift: float = DRIFT,
+        fed: float = 0.0,
     ) -> Gain:
         """The gain up to a step; `drift` is the part of all energies that rounding may feign."""
         kinetic = energies["kinetic"]
-        joule, own, sums = kinetic - self._kinetic, self._kinetic, abs(kinetic)
+        joule, own, sums = kinetic - self._kinetic - (fed - self._fed), self._kinetic, abs(kinetic)
         due = self._kinetic  # at the present depth
         exchanged = recent = 0.0
         for k, now in enumerate(self._potentials(energies)):

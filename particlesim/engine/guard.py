@@ -13,6 +13,9 @@ from particlesim.emitters import Emitter
 from particlesim.engine.diagnosis.overlaps import overlaps
 from particlesim.engine.diagnosis.post_mortem import ran_away
 from particlesim.engine.gain import Account, Gain, drift_of, jitter
+from particlesim.engine.interactions.impulses import Impulses
+from particlesim.engine.interactions.surfaces.surface_contacts import SurfaceContacts
+from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.shadow import swing, swings
 from particlesim.engine.stability.limits import island_stability
 from particlesim.engine.world import World
@@ -123,9 +126,9 @@ class Guard:
         if lost or count == 0 or account.first_step < 0:
             self._count[number] = count
             if step >= self._from[number]:
-                account.begin(step, energies, work, turned)
+                account.begin(step, energies, work, turned, _fed(island))
             return
-        gain = account.look(step, energies, work, turned, self._drift)
+        gain = account.look(step, energies, work, turned, self._drift, _fed(island))
         most = MOST_IF_ABRUPT if any(each.abrupt for each in island.interactions) else MOST_GAIN
         if gain.ratio <= most:
             return
@@ -170,6 +173,12 @@ class Guard:
                     f"the energy of {names} swings by {100 * part:.3g} %: {_too_long(world, number)}"
                 )
         return tuple(found)
+
+
+def _fed(island: BaseIsland) -> float:
+    """What hard contacts have given by moving apart what overlaps [J]."""
+    hard = (each for each in island.interactions if isinstance(each, Impulses | SurfaceContacts))
+    return sum((float(each.fed[0]) for each in hard), 0.0)
 
 
 def _too_long(world: World, number: int) -> str:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from particlesim.emitters import Schedule
+from particlesim.engine.interactions.contact_lists import aligned
 from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.islands.births import Births
 from particlesim.engine.simulation import Events, Simulation
@@ -207,7 +208,7 @@ def _restored(value: Any, name: str, saved: Snapshot) -> Any:
     if isinstance(value, np.ndarray):
         new = _fitting(value, saved.arrays[name], name)
         if value.shape != new.shape:
-            return new
+            value = aligned(new.shape, new.dtype)
         value[...] = new
         return value
     if isinstance(value, bool | int | float | np.generic):
@@ -243,6 +244,9 @@ def _restore_columns(state: GroupState, name: str, saved: Snapshot) -> None:
 
 
 def _fitting(here: Array, saved: Array, name: str) -> Array:
-    if here.dtype != saved.dtype or here.shape[:-1] != saved.shape[:-1]:
+    """The saved array, which may differ in one of its lengths: some have room for more than they hold, along their first
+    axis (memories of contacts) or their last one."""
+    same = here.dtype == saved.dtype and here.ndim == saved.ndim
+    if not same or sum(a != b for a, b in zip(here.shape, saved.shape, strict=True)) > 1:
         raise MisfitError(f"{name} is of another kind")
     return saved

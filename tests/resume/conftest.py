@@ -191,6 +191,55 @@ BODIES: Table = {
     "planes": [{"normal": [0, 1, 0], "restitution": 0.3, "friction": 0.5}],
 }
 
+GRAINS: Table = {
+    "simulation": {"duration": 0.4, "dt": 0.001, "seed": 2},
+    "output": {"every": 20, "precision": "double"},
+    "emitters": [
+        {
+            "name": "grains",
+            "radius": 0.01,
+            "mass": 0.01,
+            "shape": {"type": "box", "min": [0, 0.01, 0], "max": [0.1, 0.11, 0.1]},
+            "burst": {"count": 90, "at": 0},
+            "lifetime": {"type": "uniform", "low": 0.05, "high": 0.8},
+        }
+    ],
+    "forces": [{"type": "gravity"}],
+    "planes": [{"friction": 0.4}],
+    "interactions": [
+        {"type": "contact", "model": "linear", "stiffness": 100.0, "friction": 0.4, "rolling_friction": 0.1}
+    ],
+}
+
+# Grains deep in each other have more pairs than there is room for at first.
+CRUSHED: Table = {
+    "simulation": {"duration": 0.4, "dt": 0.001, "seed": 2},
+    "output": {"every": 20, "precision": "double"},
+    "particles": [
+        {
+            "name": "grains",
+            "radius": 0.1,
+            "mass": 1.0,
+            "layout": {
+                "type": "random",
+                "count": 200,
+                "shape": {"type": "ball", "radius": 0.4},
+            },
+        }
+    ],
+    "forces": [{"type": "point_spring", "stiffness": 40.0}],
+    "interactions": [
+        {
+            "type": "contact",
+            "model": "hertz",
+            "young_modulus": 1000.0,
+            "friction": 0.4,
+            "rolling_friction": 0.1,
+            "overlap": "keep",
+        }
+    ],
+}
+
 KINDS = {
     "bodies": BODIES,
     "fountain": FOUNTAIN,
@@ -200,6 +249,8 @@ KINDS = {
     "implicit": IMPLICIT,
     "rods": RODS,
     "pairs": PAIRS,
+    "grains": GRAINS,
+    "crushed": CRUSHED,
 }
 
 

@@ -5,8 +5,10 @@ import pytest
 import particlesim as ps
 from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_path
 
+KINDS = ["fountain", "cloth", "memory", "adaptive", "rods", "pairs", "bodies", "grains", "crushed"]
 
-@pytest.mark.parametrize("kind", ["fountain", "cloth", "memory", "adaptive", "rods", "pairs", "bodies"])
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_stopped_twice_and_resumed(tmp_path, resume, whole, kind):
     scenario = ps.from_table(resume.kinds[kind])
     path = tmp_path / "a.vtkhdf"

@@ -128,7 +128,8 @@ def press_wall(
         arm = (p.r + g) / p.r
         turning = Turning(arm, tuple(p.r * u for u in w), tuple(p.r * u for u in a))
     if memory is not None:
-        k = (memory.anchor[0, row], memory.anchor[1, row], memory.anchor[2, row])
+        # the surface has gone on since the step began, as far as its belt takes it
+        k = tuple(memory.anchor[axis, row] - type_of(g, belt[axis] * ago) for axis in range(3))
         slid = type_of(g, SLIDES if (memory.state[row] & 1) != 0 else HOLDS)
         held = Held(slid if memory.state[row] >> 1 == turn else zero, *k)
         if memory.rolled is not None:

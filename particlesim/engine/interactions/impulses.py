@@ -21,16 +21,19 @@ R. Fedkiw, ACM Trans. Graph. 22, 871 (2003), for impacts before contact.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from particlesim.colliders.bounds import BoundsRecord
+from particlesim.colliders.moving import MovingRecord, carried, frame_at, surface_velocity
 from particlesim.colliders.response import ResponseRecord, put_back, rebound
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.contacts import hold_stuck, with_masses
 from particlesim.engine.interactions.interaction import Floats, Site
+from particlesim.engine.interactions.lifting import book, lifted, stored
 from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near_pairs_of
 from particlesim.engine.interactions.neighbours.record import Neighbours, enlarged, forget
 from particlesim.engine.interactions.pair_blocks import Block
@@ -63,7 +66,7 @@ COUNT, LOST = range(2)
 class Bench(NamedTuple):
     """Room to work in: rows of pairs [2, room]; normal, least speed of an impact that rebounds, and s [5, room]; what to add
     to the difference of their places for the nearest image [3, room] [m]; rows of particles at colliders [n], normals there
-    and such speeds [4, n], and where those at each collider of each group end."""
+    and such speeds [4, n], and where those at each collider of each group end; which particles are in a pair [n]."""
 
     rows: Any
     normal: Any
@@ -71,10 +74,12 @@ class Bench(NamedTuple):
     wall: Any
     wall_normal: Any
     ends: Any
+    mark: Any
 
 
 class ImpulseColumns(NamedTuple):
-    """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, and a report."""
+    """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, a report, and the energy that
+    moving particles apart has given them so far [1] [J]."""
 
     law: Any
     least: Any
@@ -88,6 +93,7 @@ class ImpulseColumns(NamedTuple):
     box: Any
     bench: Bench
     report: Any
+    fed: Any
 
 
 class Impulses(NearLists, ImpulseColumns):
@@ -97,7 +103,7 @@ class Impulses(NearLists, ImpulseColumns):
     prepares: ClassVar[bool] = False
     concludes: ClassVar[bool] = True
     looks_back: ClassVar[bool] = True
-    follows: ClassVar[frozenset[str]] = frozenset(ImpulseColumns._fields) - {"report"}
+    follows: ClassVar[frozenset[str]] = frozenset(ImpulseColumns._fields) - {"report", "fed"}
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         pass
@@ -106,7 +112,7 @@ class Impulses(NearLists, ImpulseColumns):
         hold_stuck(self, c, share)
         bring_up(self, c, share, t)
         if share.number == 0:
-            resolve(self, parts, c, before, t)
+            resolve(self, parts, c, before, t, h)
         meet(share.gate, share.threads)
 
     def renewed(self) -> Self:
@@ -115,10 +121,16 @@ class Impulses(NearLists, ImpulseColumns):
         if self.report[LOST]:
             self.report[LOST] = 0
             room = 2 * bench.rows.shape[1]
-            bench = new_bench(room, bench.wall.size, bench.ends.size, bench.normal.dtype)
+            bench = new_bench(room, bench.wall.size, bench.ends.size, bench.mark.size, bench.normal.dtype)
         if near is self.near and bench is self.bench:
             return self
         return self._replace(near=near, bench=bench)
+
+    def changing(self) -> tuple[Floats, ...]:
+        return (self.fed,)
+
+    def with_changed(self, arrays: Sequence[Floats]) -> Self:
+        return self._replace(fed=arrays[0])
 
     def force_on(self, c: Any, row: int, t: float) -> Floats:
         return np.zeros(3)
@@ -151,7 +163,7 @@ def list_touching(each: Any, t: Any) -> None:
         touching(each, g, Listed(each.bench, each.report), t)
 
 
-def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any) -> None:
+def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """Impulses and displacements of all pairs that touch."""
     list_touching(each, t)
     if each.report[COUNT] > 0:
@@ -163,9 +175,13 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any) -> None:
             push_off_walls(each, parts, c, t)
             going = worst > calm
             turn += 1
+        low = stored(parts, c, each.bench.mark, t)
         for _ in range(TURNS_APART):
             move_apart(each, c)
             put_on_walls(each, parts, c, t)
+        # not what steps take away from overlaps, and forces bring back
+        most = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
+        book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), most))
 
 
 def line_between(c: Any, i: Any, j: Any, shift: Any, k: Any) -> Any:
@@ -183,8 +199,11 @@ def line_between(c: Any, i: Any, j: Any, shift: Any, k: Any) -> Any:
 def look_at(each: Any, c: Any, before: Any) -> Any:
     """Normals of all pairs, and from which speed on each rebounds; returns the approach that turns end with."""
     bench, most = each.bench, type_of(c.x[0], 0)
+    for i in range(bench.mark.size):
+        bench.mark[i] = 0
     for k in range(each.report[COUNT]):
         i, j = bench.rows[0, k], bench.rows[1, k]
+        bench.mark[i] = bench.mark[j] = 1
         bench.shift[0, k] -= c.x[i] - c.x[j]
         bench.shift[1, k] -= c.y[i] - c.y[j]
         bench.shift[2, k] -= c.z[i] - c.z[j]
@@ -351,6 +370,14 @@ def push_off_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
             k += 1
 
 
+def beside(collider: Any, p: Any) -> Any:
+    """A particle with its velocity relative to a collider where it is, along the axes of the world."""
+    if not isinstance(collider.shape, MovingRecord):
+        return p
+    x, y, z = surface_velocity(collider.shape, frame_at(collider.shape, p.t, p.x), p.x, p.y, p.z)
+    return moved_to(p, p.x, p.y, p.z, p.vx - x, p.vy - y, p.vz - z, p.t)
+
+
 @outlined
 def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any) -> None:
     """`push_off_walls` for particles [begin, end) of the list."""
@@ -359,14 +386,17 @@ def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any
         i, least = bench.wall[k], bench.wall_normal[3, k]
         n = (bench.wall_normal[0, k], bench.wall_normal[1, k], bench.wall_normal[2, k])
         p = fetch(c, i, t)
-        rate = p.vx * n[0] + p.vy * n[1] + p.vz * n[2]
+        q = beside(collider, p)
+        rate = q.vx * n[0] + q.vy * n[1] + q.vz * n[2]
         if (least >= 0) & (rate < 0):
             one, none = type_of(rate, 1), type_of(rate, 0)
             bounce = response.bounce if (-rate > least) | (response.bounce >= 2) else one
             friction = None if c.spin is not None else response.friction
-            belt = None if c.spin is not None else response.belt
+            belt = None if c.spin is not None else carried(collider.shape, response.belt, p.t, p.x)
             once = ResponseRecord(bounce, none, one, PASS, friction, response.falling, belt)
-            vx, vy, vz = rebound(once, n, rate, p)
+            vx, vy, vz = rebound(once, n, rate, q)
+            if isinstance(collider.shape, MovingRecord):
+                vx, vy, vz = vx + (p.vx - q.vx), vy + (p.vy - q.vy), vz + (p.vz - q.vz)
             if c.spin is not None and response.friction is not None:
                 push = (vx - p.vx) * n[0] + (vy - p.vy) * n[1] + (vz - p.vz) * n[2]
                 dx, dy, dz = rub(collider, c, i, moved_to(p, p.x, p.y, p.z, vx, vy, vz, p.t), n, push)
@@ -399,8 +429,8 @@ def put_on_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any) 
             c.x[i], c.y[i], c.z[i] = x, y, z
 
 
-def new_bench(room: int, walls: int, colliders: int, dtype: Any) -> Bench:
-    """Room for some pairs, for particles at colliders, and for the ends of their lists."""
+def new_bench(room: int, walls: int, colliders: int, count: int, dtype: Any) -> Bench:
+    """Room for some pairs, for particles at colliders, for the ends of their lists, and for marks of all particles."""
     return Bench(
         np.zeros((2, room), np.int64),
         np.zeros((5, room), dtype),
@@ -408,6 +438,7 @@ def new_bench(room: int, walls: int, colliders: int, dtype: Any) -> Bench:
         np.zeros(walls, np.int64),
         np.zeros((4, walls), dtype),
         np.zeros(colliders, np.int64),
+        np.zeros(count, np.int8),
     )
 
 
@@ -416,6 +447,10 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     found = with_masses(site, near_pairs_of(site, pairs))
     count, colliders = site.whole.count, len(site.scenario.all_colliders)
     bench = new_bench(
-        PAIRS * count + 64, min(colliders, 3) * count + 64, colliders * len(site.state) + 1, site.dtype
+        PAIRS * count + 64,
+        min(colliders, 3) * count + 64,
+        colliders * len(site.state) + 1,
+        count,
+        site.dtype,
     )
-    return Impulses(*found, bench, np.zeros(2, np.int64))
+    return Impulses(*found, bench, np.zeros(2, np.int64), np.zeros(1))

@@ -17,6 +17,7 @@ from particlesim.engine.ledger.work import (
     halfway_between,
     met_jolts,
     moved,
+    turned,
     weighted,
 )
 from particlesim.engine.state.columns import Clock, Columns, in_step, mapped
@@ -305,12 +306,13 @@ class IslandBooks:
     ) -> tuple[Moment, ...]:
         """Beginning, middle and end of a step of which nothing more is known."""
         start, end = span
+        between, path = turned(step.columns, path, step.h)
         ends = ((step.columns, start), (path, end))
         f0, f1 = (self._forces(within(c), interactions, t) for c, t in ends)
         if self._held:  # whose forces are not among these
-            middle = halfway_between(step.columns, path, step.h)
+            middle = halfway_between(step.columns, between, step.h)
         else:
-            middle = halfway(step.columns, path, f0 / path.m, f1 / path.m, step.h)
+            middle = halfway(step.columns, between, f0 / path.m, f1 / path.m, step.h)
         states, times = (step.columns, middle, path), (start, (start + end) / 2, end)
         return tuple(Moment(*each) for each in zip(states, times, SIMPSON, strict=True))
 

@@ -178,6 +178,22 @@ def halfway_between(before: Columns, after: Columns, h: Floats) -> Columns:
     return after._replace(**made)
 
 
+def turned(before: Columns, after: Columns, h: Floats) -> tuple[Columns, Columns]:
+    """Two states in the middle and at the end of steps of lengths h [s], the second of which is `after`, with the angles by
+    which particles have turned since the beginning, as contacts need them: on the Hermite curve of both, as places are."""
+    if before.spin is None:
+        return after, after
+    kind = before.x.dtype
+    middle, end = {}, {}
+    for axis in "xyz":
+        w0, w1 = (getattr(c.spin, f"w{axis}").astype(float) for c in (before, after))
+        angle = 0.5 * h * (w0 + w1)
+        middle[f"w{axis}"] = (0.5 * (w0 + w1)).astype(kind)
+        middle[f"a{axis}"] = (0.5 * angle + h * (w0 - w1) / 8).astype(kind)
+        end[f"a{axis}"] = angle.astype(kind)
+    return after._replace(spin=after.spin._replace(**middle)), after._replace(spin=after.spin._replace(**end))
+
+
 def moved(before: Columns, start: Floats, change: Floats) -> Columns:
     """Columns with the positions and velocities `start` + `change`, shape [6, n]."""
     now = (start + change).astype(before.x.dtype)

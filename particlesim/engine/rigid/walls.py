@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.bodies.pieces import BOX, CONE, CYLINDER, HULL, SPHERE
-from particlesim.colliders.moving import MovingRecord, frame_at, out_of, surface_velocity
+from particlesim.colliders.moving import MovingRecord, carried, frame_at, out_of, surface_velocity
 from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.sphere import BallRecord
 from particlesim.compiler import outlined
@@ -110,8 +110,9 @@ def touch_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, h: Any) -
     for number in range(begin, k.number[0]):
         set_surface(k, number, wall.restitution, wall.static, wall.kinetic)
         n = row(k.normal, number)
-        out = dot(wall.belt, n)  # what points out of the surface counts for nothing
-        for axis, part in enumerate(wall.belt):
+        belt = carried(wall.shape, wall.belt, t, 0.0)
+        out = dot(belt, n)  # what points out of the surface counts for nothing
+        for axis, part in enumerate(belt):
             k.belt[axis, number] = part - out * k.normal[axis, number]
         if isinstance(wall.shape, MovingRecord):
             at, f = row(k.point, number), frame_at(wall.shape, t, 0.0)

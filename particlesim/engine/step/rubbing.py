@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
-from particlesim.colliders.response import belt_along
+from particlesim.colliders.moving import MovingRecord, carried, frame_at, surface_velocity
+from particlesim.colliders.response import along_surface
 from particlesim.engine.state.columns import type_of
 from particlesim.laws.registry import PASS, gap, gap_and_normal, moved_to
 
@@ -36,7 +36,8 @@ def rub(c: Any, columns: Any, i: Any, p: Any, n: Any, push: Any) -> Any:
         f = frame_at(c.shape, p.t, p.x)
         own = surface_velocity(c.shape, f, p.x - r * n[0], p.y - r * n[1], p.z - r * n[2])
         u = tuple(a - b for a, b in zip(u, own, strict=True))
-    u = tuple(a if b is None else a - b for a, b in zip(u, belt_along(c.response, n), strict=True))
+    belt = along_surface(carried(c.shape, c.response.belt, p.t, p.x), n)
+    u = tuple(a if b is None else a - b for a, b in zip(u, belt, strict=True))
     turn = (w[1] * n[2] - w[2] * n[1], w[2] * n[0] - w[0] * n[2], w[0] * n[1] - w[1] * n[0])
     up = u[0] * n[0] + u[1] * n[1] + u[2] * n[2]
     slip = tuple(a - up * axis - r * b for a, axis, b in zip(u, n, turn, strict=True))

@@ -292,6 +292,17 @@ def prepare(
 
 
 @shared
+def widened(touches: Any, report: Any, before: Any) -> Any:
+    """By how much a contact is to be wider than it was at the beginning of the step, at most [m]."""
+    most = 0.0
+    for n in range(report[CONTACTS]):
+        x, y, z = difference_before(touches, before, n)
+        was = x * touches.normal[0, n] + y * touches.normal[1, n] + z * touches.normal[2, n]
+        most = max(most, touches.normal[3, n] - was)
+    return most
+
+
+@shared
 def displace(touches: Any, desk: Any, report: Any, x: Any, before: Any, backwards: Any) -> Any:
     """A turn through all contacts that corrects displacements; returns the largest correction [m]."""
     worst, number = 0.0, report[CONTACTS]

@@ -9,6 +9,7 @@ for near simplices.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -17,6 +18,7 @@ from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.element_tensors import CornerTensors
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
+from particlesim.engine.interactions.lifting import book, lifted
 from particlesim.engine.interactions.neighbours.record import OVERFLOW, enlarged
 from particlesim.engine.interactions.surfaces.candidates import find, find_again, measure
 from particlesim.engine.interactions.surfaces.record import (
@@ -51,6 +53,7 @@ from particlesim.engine.interactions.surfaces.response import (
     list_missed,
     prepare,
     weigh,
+    widened,
 )
 from particlesim.engine.interactions.surfaces.walls import (
     add_walls,
@@ -72,7 +75,8 @@ EFFORT = 4
 
 
 class SurfaceColumns(NamedTuple):
-    """The law, what touches, candidates, contacts of the step, scratch, a report and what is tuned."""
+    """The law, what touches, candidates, contacts of the step, scratch, a report, what is tuned, and the energy that moving
+    particles apart has given them so far [1] [J]."""
 
     law: Any
     simplices: Simplices
@@ -81,6 +85,7 @@ class SurfaceColumns(NamedTuple):
     desk: Desk
     report: Any
     tune: Any
+    fed: Any
 
 
 class SurfaceContacts(Interaction, SurfaceColumns):
@@ -89,7 +94,7 @@ class SurfaceContacts(Interaction, SurfaceColumns):
     __slots__ = ()
     concludes: ClassVar[bool] = True
     looks_back: ClassVar[bool] = True
-    follows: ClassVar[frozenset[str]] = frozenset(SurfaceColumns._fields)
+    follows: ClassVar[frozenset[str]] = frozenset(SurfaceColumns._fields) - {"fed"}
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         pass
@@ -152,6 +157,12 @@ class SurfaceContacts(Interaction, SurfaceColumns):
             tune=tune, **laid(self, triangles, edges, None if new.split is None else (one, other))
         )
 
+    def changing(self) -> tuple[Floats, ...]:
+        return (self.fed,)
+
+    def with_changed(self, arrays: Sequence[Floats]) -> Self:
+        return self._replace(fed=arrays[0])
+
     def linearise(self, c: Any, t: float) -> CornerTensors:
         return CornerTensors(np.zeros((4, 0), np.int64), np.zeros((0, 0, 4, 3)), np.zeros((0, 3, 3)))
 
@@ -176,6 +187,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
         list_contacts(s, found, touches, desk, report, tune, c.r, x, before)
         if report[CONTACTS] > 0:
             friction, restitution = each.law.friction, float(each.law.restitution)
+            wide = widened(touches, report, before)
             first, look, missed, most = 0, 0, 1, 0.0
             while (missed > 0) & (look < LOOKS):
                 most = max(most, prepare(friction, touches, desk, report, first, restitution, v, before))
@@ -197,6 +209,8 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
             lie_on_walls(each, parts, c, t, SETTLED * tune[THIN], SETTLED * most)
             if missed > 0:
                 move_as_one(each, parts, c, before, gate, t, h)
+            if wide > 2 * SETTLED * tune[THIN]:  # more than what corrections leave
+                book(each.fed, lifted(parts, c, before, desk.mark, t, h))
             if len(c.memory) > 0:
                 for j in range(s.rows.size):
                     if (desk.mark[s.rows[j]] & 1) != 0:
@@ -281,7 +295,7 @@ def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
     law = pairs.law.record()
     none = simplices_of(triangles[:, :0], edges[:, :0], None, count)
     found, desk = new_candidates(none, count, 0), new_desk(count)
-    made = SurfaceContacts(law, none, found, new_touches(0), desk, report, tune)
+    made = SurfaceContacts(law, none, found, new_touches(0), desk, report, tune, np.zeros(1))
     return made._replace(**laid(made, triangles, edges, sides))
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
-from particlesim.colliders.response import put_back
+from particlesim.colliders.moving import MovingRecord, carried, frame_at, surface_velocity
+from particlesim.colliders.response import along_surface, put_back
 from particlesim.compiler import outlined, shared
 from particlesim.engine.interactions.impulses import colliders_of, whole
 from particlesim.engine.interactions.surfaces.record import CONTACTS, LOST
@@ -55,7 +55,7 @@ def _add_wall(each: Any, collider: Any, c: Any, t: Any, h: Any, first: Any, last
                     report[LOST] = max(report[LOST], 1)
                 else:
                     axes = whole(n, g)
-                    wx, wy, wz = velocity_of(collider, p)
+                    wx, wy, wz = velocity_of(collider, p, axes)
                     for corner in range(4):
                         touches.rows[corner, k] = i
                         touches.weights[corner, k] = 1.0 if corner == 0 else 0.0
@@ -74,13 +74,13 @@ def _add_wall(each: Any, collider: Any, c: Any, t: Any, h: Any, first: Any, last
                     report[CONTACTS] = k + 1
 
 
-def velocity_of(collider: Any, p: Any) -> Any:
-    """Velocity of the surface of a collider where a particle is [m/s]."""
+def velocity_of(collider: Any, p: Any, n: Any) -> Any:
+    """Velocity of the surface of a collider, of normal n, where a particle is [m/s]."""
     x = y = z = type_of(p.x, 0)
     if isinstance(collider.shape, MovingRecord):
         x, y, z = surface_velocity(collider.shape, frame_at(collider.shape, p.t, p.x), p.x, p.y, p.z)
     if collider.response.belt is not None:
-        u, v, w = collider.response.belt
+        u, v, w = along_surface(carried(collider.shape, collider.response.belt, p.t, p.x), n)
         x, y, z = x + u, y + v, z + w
     return x, y, z
 
@@ -120,7 +120,7 @@ def _lie_on_wall(
             g, n = gap_and_normal(collider.shape, p)
             if g < slack:
                 axes = whole(n, g)
-                wx, wy, wz = velocity_of(collider, p)
+                wx, wy, wz = velocity_of(collider, p, axes)
                 rate = (p.vx - wx) * axes[0] + (p.vy - wy) * axes[1] + (p.vz - wz) * axes[2]
                 if rate < calm:
                     c.vx[i] -= rate * axes[0]
