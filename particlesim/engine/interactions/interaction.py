@@ -90,6 +90,9 @@ class Interaction:
     inexact: ClassVar[bool] = False
     """Whether its forces are known to an accuracy alone (`error_of`), and may jump by as much from one place to the next."""
 
+    resumes: ClassVar[bool] = False
+    """Whether all that steps find out is among `changing`, so that only intervals between frames begin anew (`renewed`)."""
+
     concludes: ClassVar[bool] = False
     """Whether it has something to do at the end of every step (`conclude`)."""
     looks_back: ClassVar[bool] = False
@@ -154,6 +157,14 @@ class Interaction:
         that a run which is resumed there goes on with the same bits; with more room where it had too little."""
         return self
 
+    def recalled(self) -> Self:
+        """The same after what steps change has been set to what it was at another time."""
+        return self.renewed()
+
+    def roomier(self) -> Self:
+        """The same with more room where it had too little, before its interval is done again."""
+        return self.renewed()
+
     @property
     def lasts(self) -> bool:
         """Whether what it has found out is of use in an interval after the next, though others move particles meanwhile."""
@@ -161,7 +172,7 @@ class Interaction:
 
     @property
     def cramped(self) -> bool:
-        """Whether something found no room in this interval, which is then done again with more (`renewed`)."""
+        """Whether something found no room in this interval, which is then done again with more (`roomier`)."""
         return False
 
     def new_form(self, dtype: Any) -> NDArray[Any]:

@@ -10,7 +10,7 @@ An interaction between two sets has two *sections* of whole groups; then only me
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,9 +37,12 @@ FAR = 1e30
 """The position of members that do not act [m]: the dead, those not yet born, the padding of the last group. A member as far
 away as that, or whose position is not finite, is no neighbour of any other."""
 
-STALE, OVERFLOW, BUILDS, LIVED, DUE = range(5)
-"""In `report`: whether the lists have to be built anew, whether they had no room, how often they were built, for how many
-uses they have lived; whether sums over them are due though nothing may have changed, as others have looked at them."""
+STALE, OVERFLOW, BUILDS, LIVED, DUE, CAPACITY = range(6)
+"""In `report`: whether the lists have to be built anew or found again, whether they had no room, how often they were built,
+for how many uses they have lived; whether sums over them are due though nothing may have changed, as others have looked at
+them; for how many candidates there is room."""
+LOST = 2
+"""For STALE: lists are to be found again as they were built last, from `order`, `base` and `skin`."""
 POOL, NEXT, TURN, SKIP = 8, 16, 24, 32
 """In `report`, on cache lines of their own: room given away, counters of work that threads take, a flag of the sort."""
 
@@ -138,6 +141,7 @@ def new_neighbours(
     widest = WIDEST_SKIN * cutoff if skin is None else skin
     if any(each is not None and each < cutoff + widest for each in lengths):
         raise ValueError("a period of the box is shorter than the cutoff and the skin")
+    report = new_report(max(room, ROOM * m + 64 * BLOCK))
     levels = level_starts(groups)
     nodes = levels[-1]
     boxes = np.empty((6, nodes))
@@ -164,20 +168,20 @@ def new_neighbours(
         levels,
         np.zeros(groups, np.int64),
         np.zeros(groups, np.int64),
-        np.zeros(max(room, ROOM * m + 64 * BLOCK), np.uint32),
+        np.zeros(report[CAPACITY], np.uint32),
         images,
         np.zeros((2, m), np.int64),
         np.zeros((2, m), np.int32),
         np.zeros((SLICES, 1 << DIGIT), np.int64),
         np.zeros((SLICES, 24)),
-        new_report(),
+        report,
     )
 
 
-def new_report() -> Ints:
-    """A report that asks for lists."""
+def new_report(capacity: int) -> Ints:
+    """A report that asks for lists, with room for so many candidates."""
     report = np.zeros(40, np.int64)
-    report[STALE] = 1
+    report[STALE], report[CAPACITY] = 1, capacity
     return report
 
 
@@ -199,7 +203,7 @@ def enlarged(near: Neighbours) -> Neighbours:
     if not near.report[OVERFLOW]:
         return near
     room = max(2 * near.candidates.size, int(near.report[POOL]))
-    return near._replace(candidates=np.zeros(room, np.uint32), report=new_report())
+    return near._replace(candidates=np.zeros(room, np.uint32), report=new_report(room))
 
 
 def candidates_of(near: Neighbours, g: int) -> tuple[Ints, Ints]:
@@ -224,6 +228,30 @@ def take_over(each: Any, other: Any) -> None:
 def forget(near: Neighbours) -> None:
     """Have the lists built anew at their next use."""
     near.report[STALE] = 1
+
+
+def lasting(near: Neighbours) -> tuple[NDArray[Any], ...]:
+    """The arrays from which lists are found again (`found_again`)."""
+    kept = (near.order, near.place, near.base, near.wrap, near.skin, near.report)
+    return tuple(each for each in kept if each is not None)
+
+
+def with_lasting(near: Neighbours, arrays: Iterator[NDArray[Any]]) -> Neighbours:
+    """The same with the next of other such arrays."""
+    order, place, base = next(arrays), next(arrays), next(arrays)
+    wrap = None if near.wrap is None else next(arrays)
+    return near._replace(
+        order=order, place=place, base=base, wrap=wrap, skin=next(arrays), report=next(arrays)
+    )
+
+
+def found_again(near: Neighbours) -> Neighbours:
+    """The same after its `lasting` arrays have been set to what they were at another time: candidates, and the tree, are
+    found again at the next use, in as much room as there was."""
+    if near.report[STALE] == 0:
+        near.report[STALE] = LOST
+    room = near.report[CAPACITY] = max(int(near.report[CAPACITY]), near.candidates.size)
+    return near if room == near.candidates.size else near._replace(candidates=np.zeros(room, np.uint32))
 
 
 def slice_of(count: Any, k: Any) -> Any:
