@@ -149,6 +149,16 @@ def roll(q: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
         q.spin.az[i] += s * q.spin.wz[i]
 
 
+def roll_anew(q: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
+    """Angles = weight · h ω for all spheres of a block."""
+    for i in range(q.x.size):
+        _, hi = span(q.clock, i, t, end, h)
+        s = weight * hi
+        q.spin.ax[i] = s * q.spin.wx[i]
+        q.spin.ay[i] = s * q.spin.wy[i]
+        q.spin.az[i] = s * q.spin.wz[i]
+
+
 def all_finite(q: Any) -> bool:
     """Whether all positions and velocities of a block are finite."""
     wild = False
@@ -171,10 +181,11 @@ def look(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> None:
 
 class Move(NamedTuple):
     """A stage, maybe the last one, of a composition in the step from t to `end` of length h: weights of its kick and of its
-    drift, 0 where there is none."""
+    drift, 0 where there is none, and whether angles count from there on, as in the first drift of a step."""
 
     push: Any
     glide: Any
+    anew: Any
     last: Any
     t: Any
     end: Any
@@ -195,7 +206,10 @@ def kick_and_drift(move: Any, c: Any, work: Any, share: Any, first: Any, last: A
         if move.glide != 0:
             drift(q, move.glide, t, end, h)
             if q.spin is not None:
-                roll(q, move.glide, t, end, h)
+                if move.anew:
+                    roll_anew(q, move.glide, t, end, h)
+                else:
+                    roll(q, move.glide, t, end, h)
         if move.last:
             look(work.before, c, lo, hi, share)
 
