@@ -156,17 +156,17 @@ class Contacts(NearLists, ContactColumns):
     def leave(self) -> None:
         self.lists.report[FRESH] = 0
 
-    def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+    def add_settled(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         place, pull = self.near.place, self.pull
         for i in range(first, last):
             k = place[i]
             prefetch(pull, max(place[min(i + AHEAD, last - 1)], 0), 0)
             if k >= 0:
                 for axis in range(3):
-                    total[axis, i] += pull[k, axis]
+                    total[axis, i - first] += pull[k, axis]
                 if c.spin is not None:
                     for axis in range(3):
-                        total[3 + axis, i] += pull[k, TORQUE + axis]
+                        total[3 + axis, i - first] += pull[k, TORQUE + axis]
 
     def renewed(self) -> Self:
         forget(self.near)

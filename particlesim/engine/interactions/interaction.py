@@ -128,6 +128,9 @@ class Interaction:
         """
         raise NotImplementedError
 
+    def add_settled(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+        """The same, of one that is `settled`, to total [3, last − first], and torques to rows 3 to 5."""
+
     def stiffen(self, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
         """Linearise: put into `form` [numbers, n] what `multiply` needs of γ times the positive part of −∂f/∂x, and of
         −∂f/∂v, with γ = `reach`; add its part to the blocks of particles [first, last), and take from their residuals what
@@ -373,6 +376,12 @@ def leave_elements(sets: Any) -> None:
 def add_set(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
     """Add the forces of one set on particles [first, last)."""
     type(each).add_forces(each, c, total, first, last, t)
+
+
+@outlined
+def add_settled_set(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+    """`add_settled` for one set."""
+    type(each).add_settled(each, c, total, first, last, t)
 
 
 def add_elements(sets: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:

@@ -90,13 +90,16 @@ class NearLists(Interaction):
     pull: Any
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+        type(self).add_settled(self, c, total[:, first:last], first, last, t)
+
+    def add_settled(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         place, pull = self.near.place, self.pull
         for i in range(first, last):
             k = place[i]
             if k >= 0:
-                total[0, i] += pull[k, 0]
-                total[1, i] += pull[k, 1]
-                total[2, i] += pull[k, 2]
+                total[0, i - first] += pull[k, 0]
+                total[1, i - first] += pull[k, 1]
+                total[2, i - first] += pull[k, 2]
 
     def among(self, rows: Ints, place: Ints) -> Self:
         each: Any = self
