@@ -78,7 +78,6 @@ class Simulation(World):
         self.energy_at_start, self.impulse_work = np.full(1, np.nan), np.zeros(1)
         self._energies: list[dict[str, float]] = []
         self._energies_of = -1
-        self._begins = True
         self._guard = Guard(self, self._ledger_columns)
 
     def begin(self) -> None:
@@ -121,7 +120,7 @@ class Simulation(World):
                 last = laps.stopped
             if (fault := self._meetings.hold_ends(self.step)) is not None:
                 raise not_finite(self, self._order[0], fault, self.step)
-            self.step, self._begins = last, last == step
+            self.step = last
             fresh = not singly or last % RENEWAL == 0
             if between is not None and last < step and fresh:
                 between()
@@ -129,7 +128,7 @@ class Simulation(World):
     def _advance(self, number: int, first: int, last: int, fresh: bool, laps: Laps | None = None) -> None:
         island = self.islands[number]
         island.begin(self.team)
-        island.keep(first, fresh=fresh, begins=self._begins)
+        island.keep(first, fresh=fresh)
         if island.listens_to:
             found = {name: each for other in self.islands for name, each in other.impacts.items()}
             island.hear(found, self._numbers)

@@ -93,6 +93,8 @@ AHEAD = 16
 """Particles whose sums are asked for ahead."""
 SPARE = 512
 """Pairs to have room for beyond those of each particle."""
+USES = 20, 100
+"""For how many sums neighbour lists should hold: sums read the pairs that are taken out of them, and are fast."""
 
 
 class ContactColumns(NamedTuple):
@@ -435,7 +437,7 @@ def hold_stuck(each: Any, c: Any, share: Any) -> None:
 
 def contacts_of(site: Site, pairs: PairSet) -> Contacts:
     """Soft contacts among the particles of an island, and with its colliders."""
-    found = with_masses(site, near_pairs_of(site, pairs))
+    found = with_masses(site, near_pairs_of(site, pairs, USES))
     law, places = found.law, found.near.order.size
     room = ROOM * places + SPARE
     keeps = law.friction is not None or isinstance(law, JkrRecord)

@@ -10,14 +10,15 @@ particles (`by_chunks`: springs) come first; all others are added by every threa
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, NamedTuple, Protocol, Self, cast
+from collections.abc import Sequence
+from typing import Any, ClassVar, NamedTuple, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet, new_gate
+from particlesim.engine.interactions.coupling import Coupling
 from particlesim.engine.state.columns import presence
 from particlesim.engine.state.group_state import GroupState
 from particlesim.process.threads import Team
@@ -27,32 +28,6 @@ from particlesim.trajectory.topology import Topology
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-class Coupling(Protocol):
-    """A set of interactions linearised near a state, for the largest stable step."""
-
-    @property
-    def number(self) -> int:
-        """How many there are."""
-        ...
-
-    def matrices(self, count: int) -> tuple[Any, Any]:
-        """Stiffness and damping of all particles as sparse matrices, shape [3 count, 3 count], without what pushes apart."""
-        ...
-
-    def jacobians(self, count: int) -> tuple[Any, Any]:
-        """∂f/∂x and ∂f/∂v of all particles as sparse matrices."""
-        ...
-
-    def loads(self, w: Floats, *, damping: bool, rows: int) -> Iterator[tuple[Ints, list[Floats]]]:
-        """What bounds the stiffness or the damping of particles with w = 1/m: which ones [n], and tensors to be added up, as
-        xx, yy, zz, xy, xz, yz [n]; of 1 row, a bound on their largest eigenvalue."""
-        ...
-
-    def add_tension(self, total: Floats) -> None:
-        """Add the forces that rods have to bear to `total` [3, particles] [N]."""
-        ...
 
 
 class Interaction:
@@ -91,7 +66,7 @@ class Interaction:
     """Whether its forces are known to an accuracy alone (`error_of`), and may jump by as much from one place to the next."""
 
     resumes: ClassVar[bool] = False
-    """Whether all that steps find out is among `changing`, so that only intervals between frames begin anew (`renewed`)."""
+    """Whether all that steps find out is among `changing`, so that a resumed run knows it, too."""
 
     concludes: ClassVar[bool] = False
     """Whether it has something to do at the end of every step (`conclude`)."""

@@ -32,6 +32,7 @@ from particlesim.engine.interactions.neighbours.record import (
     DUE,
     GROUP,
     MOST,
+    USES,
     Neighbours,
     enlarged,
     forget,
@@ -340,7 +341,7 @@ def near_bounds(each: Any, c: Any, share: Any, w: Any, out: Any, t: Any) -> None
 # How an interaction is laid out
 
 
-def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
+def near_pairs_of(site: Site, pairs: PairSet, uses: tuple[int, int] = USES) -> NearPairs:
     """An interaction with a cutoff among the particles of an island.
 
     Raises UsageError for two at one place, if they have no force there.
@@ -364,6 +365,7 @@ def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
         np.concatenate(rows),
         site.whole.count,
         reach,
+        uses=uses,
         radii=touching,
         split=None if law.between is None else len(rows[0]),
         box=periods,

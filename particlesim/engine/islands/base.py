@@ -210,9 +210,9 @@ class BaseIsland:
         """The springs, rods and surfaces of its particles, for a trajectory."""
         raise NotImplementedError
 
-    def keep(self, first: int, *, fresh: bool = True, begins: bool = False) -> None:
+    def keep(self, first: int, *, fresh: bool = True) -> None:
         """Keep the state at the beginning of a piece of an interval, to search for the first sign of a divergence in it.
-        Where it is `fresh`, a run may be resumed; the first piece `begins` the interval between two frames."""
+        Where it is `fresh`, a run may be resumed."""
         raise NotImplementedError
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:

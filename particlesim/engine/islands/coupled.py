@@ -301,8 +301,8 @@ class CoupledIsland(BaseIsland):
 
     # ---- back to the beginning of an interval
 
-    def keep(self, first: int, *, fresh: bool = True, begins: bool = False) -> None:
-        self.layout.renew(fresh=fresh, begins=begins)
+    def keep(self, first: int, *, fresh: bool = True) -> None:
+        self.layout.renew(fresh=fresh)
         self.kept_from = first
         now = self._now().arrays()
         sizes = [[column.shape for column in columns] for columns in (self._kept, now)]

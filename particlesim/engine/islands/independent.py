@@ -188,7 +188,7 @@ class IndependentIsland(BaseIsland):
             self._rooms[thread] = new_room(columns, self._block)
         return self._rooms[thread]
 
-    def keep(self, first: int, *, fresh: bool = True, begins: bool = False) -> None:
+    def keep(self, first: int, *, fresh: bool = True) -> None:
         """Nothing: where something goes wrong, single blocks are looked at."""
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[()], slice]:

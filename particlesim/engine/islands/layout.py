@@ -91,12 +91,12 @@ class Layout:
         plain = plain and all(each.movable for each in self.interactions)
         return plain and work.system is None and work.radau is None and work.orbits is None
 
-    def renew(self, *, fresh: bool = True, begins: bool = True) -> None:
-        """Let interactions forget what they have found out: all where an interval between frames `begins`; all that a
-        resumed run would not know where it is `fresh`; else those that must."""
+    def renew(self, *, fresh: bool = True) -> None:
+        """Let interactions forget what they have found out: all that a resumed run would not know where it is `fresh`, else
+        what is of no more use."""
         self.take(
             tuple(
-                each.renewed() if begins or (fresh and not each.resumes) or not each.lasts else each
+                each.renewed() if (fresh and not each.resumes) or not each.lasts else each
                 for each in self.interactions
             )
         )

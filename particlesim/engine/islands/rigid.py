@@ -301,7 +301,7 @@ class RigidIsland(BaseIsland):
                     return each
         return None
 
-    def keep(self, first: int, *, fresh: bool = True, begins: bool = False) -> None:
+    def keep(self, first: int, *, fresh: bool = True) -> None:
         self.kept_from = first
         self._kept = [array.copy() for array in self._changing()]
         self._kept_memory = copy_of(self.memory)

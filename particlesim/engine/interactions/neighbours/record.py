@@ -48,6 +48,8 @@ POOL, NEXT, TURN, SKIP = 8, 16, 24, 32
 
 SKIN, NARROWEST_SKIN, WIDEST_SKIN = 0.12, 0.04, 0.4
 """A skin that is tuned, at first and within which bounds, as a part of the cutoff. The first is right for a liquid."""
+USES = 6, 30
+"""For how many sums of forces lists should hold: where they are short, they take as long to build as some sums."""
 
 LOW, HIGH, LEAST, LARGEST, MOVED, MOVED_HIGH = 0, 3, 6, 7, 8, 11
 """Columns of `slots`: lowest and highest place of members, smallest and largest radius, lowest and highest displacement."""
@@ -65,7 +67,8 @@ class Neighbours(NamedTuple):
 
     `members` [m]: rows of the members in the island, the first section first; `split`: how many are in the first of two
     sections, None for one. `cutoff` [m]: how far two members may be apart, or their surfaces where there are `radii`;
-    `skin` [1]: how much further candidates may be [m], `tuned`: None if it stays as it is. `box`: periods of the three
+    `skin` [1]: how much further candidates may be [m], `tuned`: for how many uses lists should hold at least and at most,
+    None if the skin stays as it is. `box`: periods of the three
     axes, None each where open; None: no axis is periodic.
 
     `order` [room]: row at every place, −1 for none; `place` [n]: place of every row, −1 for rows that are no members. `x`
@@ -116,6 +119,7 @@ def new_neighbours(
     cutoff: float,
     skin: float | None = None,
     *,
+    uses: tuple[int, int] = USES,
     split: int | None = None,
     box: Sequence[float | None] | None = None,
     radii: bool = False,
@@ -125,7 +129,8 @@ def new_neighbours(
 ) -> Neighbours:
     """Lists of members, not yet built, in an island of some particles; a skin that is not given is found.
 
-    `clocked`: whether some may be born or die. `room`: candidates to have room for, at least.
+    `uses`: for how many sums lists should hold, at least and at most. `clocked`: whether some may be born or die. `room`:
+    candidates to have room for, at least.
 
     Raises ValueError for more members than a list can name, and for a box that is too small for its images.
     """
@@ -154,7 +159,7 @@ def new_neighbours(
         split,
         float(cutoff),
         np.array([0.0 if skin is None else skin]),
-        True if skin is None else None,
+        uses if skin is None else None,
         lengths or None,
         np.full(places, -1, np.int32),
         np.full(particles, -1, np.int32),

@@ -37,8 +37,8 @@ FINENESS = 4.0
 """Cells of the curve in a cutoff."""
 STEADY = 64
 """Cells by which the curve is moved at a time."""
-SHORT_LIVED, LONG_LIVED, WIDEN, NARROW = 6, 30, 1.3, 0.85
-"""Sums of forces for which lists should hold, and the factors of a skin for which they did not."""
+WIDEN, NARROW = 1.3, 0.85
+"""Factors of a skin whose lists held too short or too long."""
 SAMPLE = 128
 """Members whose places tell where most are."""
 
@@ -117,7 +117,8 @@ def tuned_skin(near: Any) -> Any:
         reach += least + largest
     if near.report[STALE] != 0:
         return SKIN * reach
-    factor = WIDEN if near.report[LIVED] < SHORT_LIVED else NARROW if near.report[LIVED] > LONG_LIVED else 1.0
+    short, long = near.tuned
+    factor = WIDEN if near.report[LIVED] < short else NARROW if near.report[LIVED] > long else 1.0
     return min(max(factor * near.skin[0], NARROWEST_SKIN * reach), WIDEST_SKIN * reach)
 
 
