@@ -298,7 +298,7 @@ def test_members_keep_their_places_when_the_skin_changes() -> None:
         skins.append(float(near.skin[0]))
     assert near.report[BUILDS] == 5
     assert (np.diff(skins) > 0).all()
-    assert (near.order == order).mean() > 0.9
+    assert (near.order[near.order != 0] == order[order != 0]).all()  # but for the one that moves
 
 
 def test_single_precision_finds_the_same_pairs() -> None:

@@ -290,9 +290,12 @@ class CoupledIsland(BaseIsland):
         """What holds particles, or which of them: for that, step once more on a copy, and look."""
         layout = self.layout
         missed = None if self.constraint is None else self.constraint.unheld(self._site)
-        self._stepper.copy(layout, layout.parts, self.interactions, copied(self.island_columns()), step, 1)
-        force = layout.work.force
+        force, columns = self.forces(step * self.dt), copied(self.island_columns())
         wild = ~np.isfinite(force).all(axis=0)
+        if not wild.any():
+            self._stepper.copy(layout, layout.parts, self.interactions, columns, step, 1)
+            moved = (columns.x, columns.y, columns.z, columns.vx, columns.vy, columns.vz)
+            wild = ~np.isfinite(moved).all(axis=0)
         if missed is not None and (np.isfinite(missed[1].misfit) or not wild.any()):
             row, unheld = missed
             return Fault(*self._joined.member_of(row), step, unheld=unheld)
