@@ -13,6 +13,7 @@ from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite,
 from particlesim.engine.guard import Guard
 from particlesim.engine.islands.base import OWN_STEPS, BaseIsland
 from particlesim.engine.islands.births import Births
+from particlesim.engine.islands.laps import Laps
 from particlesim.engine.islands.meetings import Meetings
 from particlesim.engine.ledger.sums import MOTION
 from particlesim.engine.ledger.work import total_energy
@@ -29,6 +30,9 @@ from particlesim.scenario.scenario import Scenario
 PIECE = 50_000_000
 """Particle-steps in one call of a kernel: a fraction of a second, so that progress shows and Ctrl-C is heard."""
 
+
+LAPS = 8
+"""Pieces that an island may make in one call, lap by lap."""
 
 RENEWAL = 64
 """Steps after which interactions forget what they have found out, and a run may be resumed, where intervals are of one."""
@@ -84,27 +88,36 @@ class Simulation(World):
         for island in self.islands:
             island.begin(self.team)
 
-    def advance_to(self, step: int, between: Callable[[], None] | None = None) -> None:
-        """Move on to the beginning of a step; `between` is called between the pieces of long intervals.
+    def advance_to(
+        self,
+        step: int,
+        between: Callable[[], None] | None = None,
+        asked: Callable[[int], bool] = lambda step: False,
+    ) -> None:
+        """Move on to the beginning of a step; `between` is called between the pieces of long intervals. A piece ends where
+        `asked`, which is told the step, says that somebody wants the state there.
 
         Raises DivergenceError when a number stops being finite; the particles concerned are then back at the beginning of
         the interval.
         """
         fresh = True
+        alone = len(self.islands) == 1 and self.islands[0].makes_laps
         while self.step < step:
             self._kick()
             last = min([step, *(at for at, _ in self._kicks if at > self.step)])
-            last = min(last, self.step + max(64 // self._own, PIECE // (max(self.count, 1) * self._own)))
+            piece = max(64 // self._own, PIECE // (max(self.count, 1) * self._own))
             singly = bool(self._meetings or self._heard)  # births of impacts are in the same step
-            if singly:
-                last = self.step + 1
+            laps = Laps(piece, asked) if alone and not singly else None
+            last = min(last, self.step + (1 if singly else piece if laps is None else LAPS * piece))
             for number in self._order:
                 if self._meetings.concern(self.islands[number]):
                     self._meetings.invite()
                     self._advance(number, self.step, last, fresh)
                     self._meetings.dismiss()
                 else:
-                    self._advance(number, self.step, last, fresh)
+                    self._advance(number, self.step, last, fresh, laps)
+            if laps is not None and laps.stopped is not None:
+                last = laps.stopped
             if (fault := self._meetings.hold_ends(self.step)) is not None:
                 raise not_finite(self, self._order[0], fault, self.step)
             self.step = last
@@ -112,7 +125,7 @@ class Simulation(World):
             if between is not None and last < step and fresh:
                 between()
 
-    def _advance(self, number: int, first: int, last: int, fresh: bool) -> None:
+    def _advance(self, number: int, first: int, last: int, fresh: bool, laps: Laps | None = None) -> None:
         island = self.islands[number]
         island.begin(self.team)
         island.keep(first, fresh=fresh)
@@ -121,7 +134,9 @@ class Simulation(World):
             island.hear(found, self._numbers)
         while first < last:
             until = island.phase(first, last)
-            born, deaths, fault = island.advance(first, until, self.team)
+            born, deaths, fault = island.advance(first, until, self.team, laps)
+            if laps is not None and laps.stopped is not None:
+                last = until = laps.stopped
             if fault is not None:
                 raise not_finite(self, number, fault, first)
             self.particle_steps += sum(state.count for state in island.states) * (until - first)

@@ -18,6 +18,7 @@ from pydantic import BaseModel
 from particlesim.emitters import Schedule
 from particlesim.engine.interactions.contact_lists import aligned
 from particlesim.engine.interactions.interaction import Interaction
+from particlesim.engine.interactions.neighbours.record import Neighbours
 from particlesim.engine.islands.births import Births
 from particlesim.engine.simulation import Events, Simulation
 from particlesim.engine.state.group_state import Deaths, GroupState
@@ -87,6 +88,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
             *("_cooling", "_method", "_shares"),
         }
     ),
+    "Neighbours": frozenset(Neighbours._fields) - {"order", "place", "base", "wrap", "skin", "report"},
     "Roster": frozenset(("number", "pairs", "rest")),
     "GroupState": frozenset({"axes", "_known_columns", *(column.name for column in TABLE)}),
 }
@@ -140,6 +142,7 @@ def restore(simulation: Simulation, saved: Snapshot) -> None:
             _restored(state, f"{name}.states.{k}", saved)
         island.resettle(np.concatenate(before))
         _restored(island, name, saved)
+        island.recall()
     array = saved.arrays
     simulation.events = Events()
     if len(array["births.ids"]):

@@ -33,6 +33,11 @@ class Held:
         self._waiting: int | None = None
         self._reminder: _thread.LockType | None = None
 
+    @property
+    def waiting(self) -> bool:
+        """Whether a signal waits for `check`."""
+        return self._waiting is not None
+
     def check(self) -> None:
         """A safe point: if a signal came, its own handler is called (Python's own raises KeyboardInterrupt).
 

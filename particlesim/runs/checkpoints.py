@@ -67,13 +67,23 @@ class Keeper:
             self._finish()
         if self._thread is not None:
             return
-        every = self._saving.every
-        if every is not None and simulation.time - self._last_time >= every * (1 - 1e-9):
+        if self._has_come(simulation.time):
             self.save(simulation, frames, facts())
         elif self._late(simulation):
             self._gap = min(2 * self._gap, LONGEST)
             if self._saving.wall is not None or self._has_room(simulation):
                 self.save(simulation, frames, facts())
+
+    def wants(self, simulation: Simulation, time: float) -> bool:
+        """Whether a checkpoint is due, by then [s]."""
+        if self._thread is not None and self._thread.is_alive():
+            return False
+        return self._has_come(time) or self._late(simulation)
+
+    def _has_come(self, time: float) -> bool:
+        """Whether a checkpoint is due by simulated time [s]."""
+        every, last = self._saving.every, self._last_time
+        return every is not None and last is not None and time - last >= every * (1 - 1e-9)
 
     def _late(self, simulation: Simulation) -> bool:
         """Whether a checkpoint is due by wall-clock time."""

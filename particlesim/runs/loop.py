@@ -91,7 +91,7 @@ class Course:
         """
         steps = (0, *self.simulation.grid.frame_steps())
         for step in itertools.islice(steps, len(self.log.times), None):
-            self.simulation.advance_to(step, between=self._rest)
+            self.simulation.advance_to(step, between=self._rest, asked=self._asked)
             row = self._record()
             self.checks.look(self.simulation, row, self.log.born, self.log.died)
             self.watch.look(self.simulation)
@@ -121,20 +121,39 @@ class Course:
         except KeyboardInterrupt:
             self._save()
             raise
-        late = self._max_wall is not None and time.perf_counter() - self._began >= self._max_wall
-        if late and self.simulation.step < self.simulation.grid.steps:
+        if self._late and self.simulation.step < self.simulation.grid.steps:
             self._save()
             raise Interrupted(f"stopped after {self._max_wall:g} s, as asked, {self.where()}")
         if self.keeper is not None:
             self.keeper.look(self.simulation, len(self.log.times), self._facts)
+        self._show(self.simulation.step)
+
+    def _asked(self, step: int) -> bool:
+        """Whether there is something to do at a step, for which the state is wanted; shows how far the run is."""
+        if self._signals.waiting or self._late:
+            return True
+        if self.keeper is not None and self.keeper.wants(self.simulation, step * self.simulation.grid.dt):
+            return True
+        self._show(step)
+        return False
+
+    @property
+    def _late(self) -> bool:
+        """Whether the run has taken as long as it may."""
+        return self._max_wall is not None and time.perf_counter() - self._began >= self._max_wall
+
+    def _show(self, step: int) -> None:
+        """Tell how far the run is."""
         if self._progress is not None:
+            simulation = self.simulation
+            further = step - simulation.step
             self._progress(
                 Progress(
-                    self.simulation.step,
-                    self.simulation.grid.steps,
-                    self.simulation.time,
-                    self.simulation.count,
-                    self.simulation.particle_steps,
+                    step,
+                    simulation.grid.steps,
+                    simulation.time + further * simulation.grid.dt,
+                    simulation.count,
+                    simulation.particle_steps + further * simulation.count,
                     self.seconds,
                     len(self.log.times),
                     self.compiling,

@@ -20,7 +20,10 @@ from particlesim.engine.interactions.neighbours.record import (
     candidates_of,
     enlarged,
     forget,
+    found_again,
+    lasting,
     new_neighbours,
+    with_lasting,
 )
 from particlesim.engine.interactions.neighbours.refresh import refresh
 from particlesim.engine.state.columns import Clock
@@ -259,6 +262,43 @@ def test_same_bits_for_any_number_of_threads(box: Any) -> None:
         lists = [np.stack(candidates_of(near, g)).tobytes() for g in range(near.begin.size)]
         kept.append((near.order.tobytes(), near.x.tobytes(), near.boxes.tobytes(), lists))
     assert kept[0] == kept[1] == kept[2]
+
+
+def lists_in(near: Any) -> list[bytes]:
+    return [np.stack(candidates_of(near, g)).tobytes() for g in range(near.begin.size)]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("box", [None, (1.0, 1.0, None)])
+def test_lists_are_found_again_from_what_lasts(box: Any, threads: int) -> None:
+    # members have moved since, but not so far that lists are built anew
+    x, r = rng.random((900, 3)), 0.001 + 0.01 * rng.random(900)
+    near = refreshed(new_neighbours(np.arange(900), 900, 0.05, 0.02, box=box, radii=True), places(x, r=r))
+    moved = places(x + 0.004 * rng.random((900, 3)), r=r)
+    kept = [each.copy() for each in lasting(near)]
+    near = refreshed(near, moved)
+    other = new_neighbours(np.arange(900), 900, 0.05, 0.02, box=box, radii=True)
+    other = refreshed(found_again(with_lasting(other, iter(kept))), moved, threads)
+    assert other.report[BUILDS] == 1
+    assert lists_in(near) == lists_in(other)
+    assert np.array_equal(near.order, other.order)
+    assert np.array_equal(near.x, other.x)
+    assert np.array_equal(near.radii, other.radii)
+
+
+def test_members_keep_their_places_when_the_skin_changes() -> None:
+    x, r = rng.random((4000, 3)), np.full(4000, 0.01)
+    near = refreshed(
+        new_neighbours(np.arange(4000), 4000, 0.0, uses=(1000, 2000), radii=True), places(x, r=r)
+    )
+    order, skins = near.order.copy(), [float(near.skin[0])]
+    for step in range(1, 5):  # which are too short-lived for a skin that is as wide as now
+        x[0] = 0.5 + 0.1 * step
+        near = refreshed(near, places(x, r=r))
+        skins.append(float(near.skin[0]))
+    assert near.report[BUILDS] == 5
+    assert (np.diff(skins) > 0).all()
+    assert (near.order[near.order != 0] == order[order != 0]).all()  # but for the one that moves
 
 
 def test_single_precision_finds_the_same_pairs() -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from simulate import EPS, points, simulate, table
 
 import particlesim as ps
+from particlesim.engine.interactions.neighbours.record import BUILDS
 from particlesim.engine.islands import in_space
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
@@ -322,6 +323,56 @@ def test_spin_has_the_same_bits_with_any_threads_in_any_order_and_after_a_resume
     ]
     assert found[0] == found[1] == found[2]
     assert one.states[0].angular_velocity.any()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_run_goes_on_with_the_same_bits_wherever_it_was_stopped(monkeypatch: Any, threads: int) -> None:
+    # in the middle of an interval, between two laps of a piece: neighbour lists, too, go on as they were
+    for name, value in (("WORTH_PARTICLES", 0), ("WORTH_STEPS", 0), ("DISORDERED", 0)):
+        monkeypatch.setattr(in_space, name, value)
+    monkeypatch.setattr("particlesim.engine.simulation.PIECE", 0)
+    scenario = ps.from_table(drum(1200))
+    whole, half, rest = (Simulation(scenario, threads=k) for k in (1, threads, threads))
+    whole.advance_to(400)
+    stops: list[int] = []
+
+    class Stop(Exception):
+        """Raised where a run is stopped."""
+
+    def between() -> None:
+        stops.append(half.step)
+        raise Stop
+
+    with pytest.raises(Stop):
+        half.advance_to(400, between, lambda step: step == 192)
+    assert stops == [192]
+    restore(rest, snapshot(half))
+    rest.step = 192
+    for each in (half, rest):
+        each.advance_to(400)
+    found = [
+        b"".join(getattr(each.states[0], name).tobytes() for name in ("x", "v", "angular_velocity"))
+        for each in (whole, half, rest)
+    ]
+    assert found[0] == found[1] == found[2]
+    builds = [each.islands[0].interactions[0].near.report[BUILDS] for each in (whole, half, rest)]
+    assert builds[0] == builds[1] == builds[2] > 1
+
+
+def test_lists_that_had_no_room_give_the_same_bits(monkeypatch: Any) -> None:
+    # the interval is made again with more: nobody forgets a contact
+    scenario = ps.from_table(drum(1200))
+    found = []
+    for room in (8, 1):
+        monkeypatch.setattr("particlesim.engine.interactions.contacts.ROOM", room)
+        monkeypatch.setattr("particlesim.engine.interactions.contacts.SPARE", 0)
+        one = Simulation(scenario, threads=1)
+        began = one.islands[0].interactions[0].lists.first.size
+        one.advance_to(300)
+        state = one.states[0]
+        found.append(state.x.tobytes() + state.v.tobytes() + state.angular_velocity.tobytes())
+    assert found[0] == found[1]
+    assert one.islands[0].interactions[0].lists.first.size > began
 
 
 def test_a_wall_that_turns_takes_a_grain_along() -> None:

@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from particlesim.engine.faults import Unheld
-from particlesim.engine.interactions.interaction import Coupling, Site
+from particlesim.engine.interactions.coupling import Coupling
+from particlesim.engine.interactions.interaction import Site
 from particlesim.model.arrays import Floats, Ints
 from particlesim.trajectory.topology import Topology
 

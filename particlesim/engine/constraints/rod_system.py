@@ -20,7 +20,8 @@ from particlesim.engine.constraints.initial_checks import (
 from particlesim.engine.constraints.rod_modes import RodTensors, directions, pulls
 from particlesim.engine.constraints.shake_rattle import Rods, hold, places, take_aim
 from particlesim.engine.faults import Unheld
-from particlesim.engine.interactions.interaction import Coupling, Site
+from particlesim.engine.interactions.coupling import Coupling
+from particlesim.engine.interactions.interaction import Site
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
 from particlesim.model.arrays import Floats, Ints

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from particlesim.compiler import kernel, outlined
+from particlesim.compiler import kernel, on_stack, outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.bonds import add_bonds, chunks_of
-from particlesim.engine.interactions.interaction import add_elements, prepare_elements
+from particlesim.engine.interactions.interaction import add_elements, add_settled_set, prepare_elements
 from particlesim.engine.state.columns import block_of, fetch, in_step, span, type_of
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.particle_step import Newtonian
@@ -27,15 +27,15 @@ def bring(motions: Any, c: Any, share: Any, t: Any) -> None:
 
 
 def add_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any) -> None:
-    """Sum of the one-particle forces on particles [lo, hi), and no torques; sets `total`."""
+    """Sum of the one-particle forces on particles [lo, hi), and no torques; sets `total` [3 or 6, hi − lo]."""
     if c.spin is not None:
         for k in range(3, 6):
-            for i in range(lo, hi):
+            for i in range(hi - lo):
                 total[k, i] = 0
     for part in parts:
         first, last = max(lo, part.first), min(hi, part.last)
         if first < last:
-            _set_forces(part.forces, block_of(c, first, last), total[:, first:last], t)
+            _set_forces(part.forces, block_of(c, first, last), total[:, first - lo : last - lo], t)
 
 
 def _set_forces(forces: Any, q: Any, total: Any, t: Any) -> None:
@@ -51,8 +51,9 @@ def _set_forces(forces: Any, q: Any, total: Any, t: Any) -> None:
 def begin_forces(parts: Any, c: Any, total: Any, t: Any, lo: Any, hi: Any, chunk: Any) -> int:
     """Set the total force on particles [lo, hi), chunk after chunk, to the one-particle forces; returns where that ended."""
     while lo < hi:
-        add_forces(parts, c, total, t, lo, min(lo + chunk, hi))
-        lo = min(lo + chunk, hi)
+        end = min(lo + chunk, hi)
+        add_forces(parts, c, total[:, lo:end], t, lo, end)
+        lo = end
     return int(lo)
 
 
@@ -149,6 +150,16 @@ def roll(q: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
         q.spin.az[i] += s * q.spin.wz[i]
 
 
+def roll_anew(q: Any, weight: Any, t: Any, end: Any, h: Any) -> None:
+    """Angles = weight · h ω for all spheres of a block."""
+    for i in range(q.x.size):
+        _, hi = span(q.clock, i, t, end, h)
+        s = weight * hi
+        q.spin.ax[i] = s * q.spin.wx[i]
+        q.spin.ay[i] = s * q.spin.wy[i]
+        q.spin.az[i] = s * q.spin.wz[i]
+
+
 def all_finite(q: Any) -> bool:
     """Whether all positions and velocities of a block are finite."""
     wild = False
@@ -171,10 +182,11 @@ def look(before: Any, c: Any, lo: Any, hi: Any, share: Any) -> None:
 
 class Move(NamedTuple):
     """A stage, maybe the last one, of a composition in the step from t to `end` of length h: weights of its kick and of its
-    drift, 0 where there is none."""
+    drift, 0 where there is none, and whether angles count from there on, as in the first drift of a step."""
 
     push: Any
     glide: Any
+    anew: Any
     last: Any
     t: Any
     end: Any
@@ -183,21 +195,27 @@ class Move(NamedTuple):
 
 def kick_and_drift(move: Any, c: Any, work: Any, share: Any, first: Any, last: Any) -> None:
     """A stage of a composition for particles [first, last) of a share."""
-    t, end, h = move.t, move.end, move.h
     for lo in range(first, last, BLOCK):
         hi = min(lo + BLOCK, last)
-        q = block_of(c, lo, hi)
-        if move.push != 0:
-            kick(q, work.force[0, lo:hi], work.force[1, lo:hi], work.force[2, lo:hi], move.push, t, end, h)
-            if q.spin is not None:
-                torque = work.force[3:, lo:hi]
-                twist(q, torque[0], torque[1], torque[2], move.push, t, end, h)
-        if move.glide != 0:
-            drift(q, move.glide, t, end, h)
-            if q.spin is not None:
+        move_block(move, c, work.force[:, lo:hi], work.before, share, lo, hi)
+
+
+def move_block(move: Any, c: Any, force: Any, before: Any, share: Any, lo: Any, hi: Any) -> None:
+    """The same for a block with total forces [3 or 6, hi − lo]."""
+    q, t, end, h = block_of(c, lo, hi), move.t, move.end, move.h
+    if move.push != 0:
+        kick(q, force[0], force[1], force[2], move.push, t, end, h)
+        if q.spin is not None:
+            twist(q, force[3], force[4], force[5], move.push, t, end, h)
+    if move.glide != 0:
+        drift(q, move.glide, t, end, h)
+        if q.spin is not None:
+            if move.anew:
+                roll_anew(q, move.glide, t, end, h)
+            else:
                 roll(q, move.glide, t, end, h)
-        if move.last:
-            look(work.before, c, lo, hi, share)
+    if move.last:
+        look(before, c, lo, hi, share)
 
 
 def move_on(move: Any, c: Any, work: Any, share: Any, done: Any, ready: Any) -> Any:
@@ -221,11 +239,14 @@ def evaluate(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, move
     bring(share.motions, c, share, t)
     prepare_elements(share.elements, c, share, t)
     if move is not None and len(bonds) == 0 and all(type(each).settled for each in share.elements):
+        here = on_stack(6, BLOCK, work.force.dtype)  # those of all particles would go through main memory
         for lo in range(share.first, share.last, BLOCK):
             hi = min(lo + BLOCK, share.last)
-            add_forces(parts, c, work.force, t, lo, hi)
-            add_elements(share.elements, c, work.force, lo, hi, t)
-            kick_and_drift(move, c, work, share, lo, hi)
+            total = here[:, : hi - lo]
+            add_forces(parts, c, total, t, lo, hi)
+            for each in share.elements:
+                add_settled_set(each, c, total, lo, hi, t)
+            move_block(move, c, total, work.before, share, lo, hi)
         return
     order, begun, done = share.order, share.first, 0
     for chunk in range(chunks_of(bonds)):

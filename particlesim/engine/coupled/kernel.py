@@ -23,7 +23,7 @@ from particlesim.engine.coupled.forces import (
     roll,
     twist,
 )
-from particlesim.engine.coupled.workspace import StagedRungeKutta, StagedVerlet
+from particlesim.engine.coupled.workspace import StagedComposition, StagedRungeKutta, StagedVerlet
 from particlesim.engine.interactions.bonds import break_bonds
 from particlesim.engine.interactions.interaction import conclude_elements, leave_elements
 from particlesim.engine.state.columns import block_of, fetch, held, in_step, motion, span, still, type_of
@@ -75,10 +75,11 @@ def stormer(q: Any, gx: Any, gy: Any, gz: Any, t: Any, end: Any, h: Any) -> None
 def _composition(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
-    now = t
+    now, rolled = t, False
     for stage in range(method.kicks.size):
         push, glide = type_of(h, method.kicks[stage]), type_of(h, method.drifts[stage])
-        move = Move(push, glide, stage == method.kicks.size - 1, t, end, h)
+        move = Move(push, glide, not rolled, stage == method.kicks.size - 1, t, end, h)
+        rolled = rolled | (glide != 0)
         if push != 0:
             if stage > 0:
                 meet(share.gate, share.threads)
@@ -101,7 +102,7 @@ def _held_composition(
             evaluate(parts, bonds, c, work, share, now, None)
         elif stage == 0:
             meet(share.gate, share.threads)
-        kick_and_drift(Move(push, glide, False, t, end, h), c, work, share, share.first, share.last)
+        kick_and_drift(Move(push, glide, False, False, t, end, h), c, work, share, share.first, share.last)
         now += method.drifts[stage] * (end - t)
         if glide != 0:
             drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, now)
@@ -233,6 +234,12 @@ def back_to_beginning(before: Any, c: Any, share: Any) -> None:
         restore(block_of(c, share.first, share.last), before[:, share.first : share.last])
 
 
+def rolls_anew(method: Any, share: Any) -> bool:
+    """Whether the first drift of a step sets angles, so that nobody need set them to 0 before it: nobody reads them then,
+    as forces are those with which the last step has ended."""
+    return isinstance(method, StagedComposition) and share.rods is None
+
+
 def begin_turns(c: Any, share: Any) -> None:
     """Angles count from here on; returns when those of all shares do."""
     if c.spin is not None:
@@ -247,9 +254,11 @@ def begin_step(c: Any, work: Any, share: Any) -> None:
     share.wild[8 * share.number] = 0
 
 
-def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> bool:
+def end_step(
+    parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any, anew: Any = False
+) -> bool:
     """Contacts, what interactions do then, and breaking after a step; returns whether it was a good one in all shares, else
-    restores its beginning if that has been kept."""
+    restores its beginning if that has been kept. `anew`: as `rolls_anew`."""
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
     collide(parts, c, work.before, share, t, end, h)
     after_contact(share.rods, c, share)
@@ -258,7 +267,8 @@ def end_step(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end:
     good = share.wild.sum() == 0
     if good:
         conclude_elements(share.elements, parts, c, work.before, share, end, h)
-        begin_turns(c, share)
+        if not anew:
+            begin_turns(c, share)
         break_bonds(bonds, c, share, end)
     else:
         back_to_beginning(work.before, c, share)
@@ -281,12 +291,13 @@ def step_island(
     As many threads as there are shares must call this at the same time. Returns the number of steps done: fewer when in the
     next one a number stopped being finite; its beginning is then restored if it has been kept.
     """
-    h = type_of(c.x[0], dt)
+    h, anew = type_of(c.x[0], dt), rolls_anew(method, share)
     for step in range(steps):
         t, end = (first_step + step) * dt, (first_step + step + 1) * dt
         begin_step(c, work, share)
         evolve(method, parts, bonds, in_step(c, t, end), work, share, t, end, h)
-        if not end_step(parts, bonds, c, work, share, t, end, h):
+        if not end_step(parts, bonds, c, work, share, t, end, h, anew):
             return step
+    begin_turns(c, share)
     end_interval(parts, bonds, c, work, share, (first_step + steps) * dt)
     return steps

@@ -36,9 +36,18 @@ class Marks(NamedTuple):
     anchor: Any
     rolled: Any
 
-    def of_rows(self, rows: Any) -> Marks:
-        """The memory of some rows."""
-        return Marks(*(None if each is None else np.take(each, rows, axis=-1) for each in self))
+    def moved(self, place: Any) -> Marks:
+        """The memory of the same particles in other rows, row i in row `place[i]`."""
+        there = Marks(*(None if each is None else np.zeros_like(each) for each in self))
+        self.move_to(there, place)
+        return there
+
+    def move_to(self, there: Marks, place: Any) -> None:
+        """Bring what these know to others, in which row i is row `place[i]`: few particles have ever touched a wall."""
+        known = np.flatnonzero(self.state)
+        for mine, theirs in zip(self, there, strict=True):
+            if mine is not None:
+                theirs[..., place[known]] = mine[..., known]
 
 
 ENDLESS = 1e30

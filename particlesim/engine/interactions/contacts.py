@@ -73,11 +73,15 @@ from particlesim.engine.interactions.neighbours.record import (
     DUE,
     FAR,
     GROUP,
+    OVERFLOW,
     Neighbours,
     enlarged,
     forget,
+    found_again,
+    lasting,
     renumbered,
     take_over,
+    with_lasting,
 )
 from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.state.columns import held, in_step
@@ -89,6 +93,8 @@ AHEAD = 16
 """Particles whose sums are asked for ahead."""
 SPARE = 512
 """Pairs to have room for beyond those of each particle."""
+USES = 20, 100
+"""For how many sums neighbour lists should hold: sums read the pairs that are taken out of them, and are fast."""
 
 
 class ContactColumns(NamedTuple):
@@ -120,7 +126,8 @@ class Contacts(NearLists, ContactColumns):
     __slots__ = ()
     prepares: ClassVar[bool] = True
     concludes: ClassVar[bool] = True
-    follows: ClassVar[frozenset[str]] = frozenset(ContactColumns._fields) - {"lists", "marks"}
+    resumes: ClassVar[bool] = True
+    follows: ClassVar[frozenset[str]] = frozenset(ContactColumns._fields) - {"near", "lists", "marks"}
 
     def prepare(self, c: Any, share: Any, t: Any) -> None:
         if self.lists.report[FRESH] != 0:
@@ -151,20 +158,30 @@ class Contacts(NearLists, ContactColumns):
     def leave(self) -> None:
         self.lists.report[FRESH] = 0
 
-    def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+    def add_settled(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         place, pull = self.near.place, self.pull
         for i in range(first, last):
             k = place[i]
             prefetch(pull, max(place[min(i + AHEAD, last - 1)], 0), 0)
             if k >= 0:
                 for axis in range(3):
-                    total[axis, i] += pull[k, axis]
+                    total[axis, i - first] += pull[k, axis]
                 if c.spin is not None:
                     for axis in range(3):
-                        total[3 + axis, i] += pull[k, TORQUE + axis]
+                        total[3 + axis, i - first] += pull[k, TORQUE + axis]
 
     def renewed(self) -> Self:
         forget(self.near)
+        return self.roomier()
+
+    def recalled(self) -> Self:
+        near, lists, draft = found_again(self.near), self.lists, self.draft
+        lists.report[FRESH], lists.report[BUILT] = 0, -1
+        if draft.first.size != lists.first.size:
+            draft = draft_for(lists)
+        return self if near is self.near and draft is self.draft else self._replace(near=near, draft=draft)
+
+    def roomier(self) -> Self:
         near, lists, draft = enlarged(self.near), self.lists, self.draft
         lists.report[FRESH], lists.report[BUILT] = 0, -1
         if lists.report[WANTED] > lists.first.size:
@@ -176,8 +193,8 @@ class Contacts(NearLists, ContactColumns):
         return self._replace(near=near, lists=lists, draft=draft)
 
     @property
-    def lasts(self) -> bool:
-        return bool(self.lists.report[WANTED] <= self.lists.first.size)
+    def cramped(self) -> bool:
+        return bool(self.near.report[OVERFLOW] or self.lists.report[WANTED] > self.lists.first.size)
 
     def after(self, before: Interaction, place: Ints) -> Self:
         assert isinstance(before, Contacts)
@@ -203,7 +220,7 @@ class Contacts(NearLists, ContactColumns):
         walls = tuple(
             wall if wall.members is None else wall._replace(members=wall.members[rows]) for wall in self.walls
         )
-        marks = tuple(each and each.of_rows(rows) for each in self.marks)
+        marks = tuple(each and each.moved(place) for each in self.marks)
         lists = renumbered(self.lists, rows, place)
         return super().among(rows, place)._replace(lists=lists, walls=walls, marks=marks)
 
@@ -211,9 +228,8 @@ class Contacts(NearLists, ContactColumns):
         super().bring_back(there, rows, place)
         take_over(self.lists, renumbered(there.lists, place, rows))
         for mine, theirs in zip(self.marks, there.marks, strict=True):
-            for now, then in zip(mine or (), (theirs and theirs.of_rows(place)) or (), strict=True):
-                if now is not None:
-                    now[:] = then
+            if mine is not None and theirs is not None:
+                theirs.move_to(mine, rows)
 
     def energy(self, c: Any, t: float) -> float:
         return float(contact_sum(self, c._replace(clock=None), lone(c.x.size), t, Energies()))
@@ -254,15 +270,11 @@ class Contacts(NearLists, ContactColumns):
         return out.reshape(3, 3)
 
     def changing(self) -> tuple[NDArray[Any], ...]:
-        if not remembers(self):
-            return ()
         lists = [*self.lists[:8], *(self.lists.memory or ())]
-        arrays = [*lists, *(each for memory in self.marks for each in memory or ())]
+        arrays = [*lists, *(each for memory in self.marks for each in memory or ()), *lasting(self.near)]
         return tuple(each for each in arrays if each is not None)
 
     def with_changed(self, arrays: Sequence[NDArray[Any]]) -> Self:
-        if not remembers(self):
-            return self
         rest = iter(arrays)
 
         def again(memory: Any) -> Any:
@@ -272,7 +284,9 @@ class Contacts(NearLists, ContactColumns):
 
         lists = Lists(*[next(rest) for _ in range(8)], memory=None)  # type: ignore[misc]
         lists = lists._replace(memory=again(self.lists.memory))
-        return self._replace(lists=lists, marks=tuple(again(memory) for memory in self.marks))
+        marks = tuple(again(memory) for memory in self.marks)
+        near = found_again(with_lasting(self.near, rest))
+        return self._replace(near=near, lists=lists, marks=marks)
 
 
 def holding(each: Contacts) -> NDArray[np.int64]:
@@ -423,7 +437,7 @@ def hold_stuck(each: Any, c: Any, share: Any) -> None:
 
 def contacts_of(site: Site, pairs: PairSet) -> Contacts:
     """Soft contacts among the particles of an island, and with its colliders."""
-    found = with_masses(site, near_pairs_of(site, pairs))
+    found = with_masses(site, near_pairs_of(site, pairs, USES))
     law, places = found.law, found.near.order.size
     room = ROOM * places + SPARE
     keeps = law.friction is not None or isinstance(law, JkrRecord)

@@ -10,14 +10,15 @@ particles (`by_chunks`: springs) come first; all others are added by every threa
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, NamedTuple, Protocol, Self, cast
+from collections.abc import Sequence
+from typing import Any, ClassVar, NamedTuple, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet, new_gate
+from particlesim.engine.interactions.coupling import Coupling
 from particlesim.engine.state.columns import presence
 from particlesim.engine.state.group_state import GroupState
 from particlesim.process.threads import Team
@@ -27,32 +28,6 @@ from particlesim.trajectory.topology import Topology
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-class Coupling(Protocol):
-    """A set of interactions linearised near a state, for the largest stable step."""
-
-    @property
-    def number(self) -> int:
-        """How many there are."""
-        ...
-
-    def matrices(self, count: int) -> tuple[Any, Any]:
-        """Stiffness and damping of all particles as sparse matrices, shape [3 count, 3 count], without what pushes apart."""
-        ...
-
-    def jacobians(self, count: int) -> tuple[Any, Any]:
-        """∂f/∂x and ∂f/∂v of all particles as sparse matrices."""
-        ...
-
-    def loads(self, w: Floats, *, damping: bool, rows: int) -> Iterator[tuple[Ints, list[Floats]]]:
-        """What bounds the stiffness or the damping of particles with w = 1/m: which ones [n], and tensors to be added up, as
-        xx, yy, zz, xy, xz, yz [n]; of 1 row, a bound on their largest eigenvalue."""
-        ...
-
-    def add_tension(self, total: Floats) -> None:
-        """Add the forces that rods have to bear to `total` [3, particles] [N]."""
-        ...
 
 
 class Interaction:
@@ -90,6 +65,9 @@ class Interaction:
     inexact: ClassVar[bool] = False
     """Whether its forces are known to an accuracy alone (`error_of`), and may jump by as much from one place to the next."""
 
+    resumes: ClassVar[bool] = False
+    """Whether all that steps find out is among `changing`, so that a resumed run knows it, too."""
+
     concludes: ClassVar[bool] = False
     """Whether it has something to do at the end of every step (`conclude`)."""
     looks_back: ClassVar[bool] = False
@@ -125,6 +103,9 @@ class Interaction:
         """
         raise NotImplementedError
 
+    def add_settled(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+        """The same, of one that is `settled`, to total [3, last − first], and torques to rows 3 to 5."""
+
     def stiffen(self, form: Any, c: Any, s: Any, first: Any, last: Any, t: Any, reach: Any) -> None:
         """Linearise: put into `form` [numbers, n] what `multiply` needs of γ times the positive part of −∂f/∂x, and of
         −∂f/∂v, with γ = `reach`; add its part to the blocks of particles [first, last), and take from their residuals what
@@ -154,6 +135,14 @@ class Interaction:
         that a run which is resumed there goes on with the same bits; with more room where it had too little."""
         return self
 
+    def recalled(self) -> Self:
+        """The same after what steps change has been set to what it was at another time."""
+        return self.renewed()
+
+    def roomier(self) -> Self:
+        """The same with more room where it had too little, before its interval is done again."""
+        return self.renewed()
+
     @property
     def lasts(self) -> bool:
         """Whether what it has found out is of use in an interval after the next, though others move particles meanwhile."""
@@ -161,7 +150,7 @@ class Interaction:
 
     @property
     def cramped(self) -> bool:
-        """Whether something found no room in this interval, which is then done again with more (`renewed`)."""
+        """Whether something found no room in this interval, which is then done again with more (`roomier`)."""
         return False
 
     def new_form(self, dtype: Any) -> NDArray[Any]:
@@ -362,6 +351,12 @@ def leave_elements(sets: Any) -> None:
 def add_set(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
     """Add the forces of one set on particles [first, last)."""
     type(each).add_forces(each, c, total, first, last, t)
+
+
+@outlined
+def add_settled_set(each: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+    """`add_settled` for one set."""
+    type(each).add_settled(each, c, total, first, last, t)
 
 
 def add_elements(sets: Any, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:

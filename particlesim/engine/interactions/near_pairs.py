@@ -32,6 +32,7 @@ from particlesim.engine.interactions.neighbours.record import (
     DUE,
     GROUP,
     MOST,
+    USES,
     Neighbours,
     enlarged,
     forget,
@@ -90,13 +91,16 @@ class NearLists(Interaction):
     pull: Any
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+        type(self).add_settled(self, c, total[:, first:last], first, last, t)
+
+    def add_settled(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         place, pull = self.near.place, self.pull
         for i in range(first, last):
             k = place[i]
             if k >= 0:
-                total[0, i] += pull[k, 0]
-                total[1, i] += pull[k, 1]
-                total[2, i] += pull[k, 2]
+                total[0, i - first] += pull[k, 0]
+                total[1, i - first] += pull[k, 1]
+                total[2, i - first] += pull[k, 2]
 
     def among(self, rows: Ints, place: Ints) -> Self:
         each: Any = self
@@ -337,7 +341,7 @@ def near_bounds(each: Any, c: Any, share: Any, w: Any, out: Any, t: Any) -> None
 # How an interaction is laid out
 
 
-def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
+def near_pairs_of(site: Site, pairs: PairSet, uses: tuple[int, int] = USES) -> NearPairs:
     """An interaction with a cutoff among the particles of an island.
 
     Raises UsageError for two at one place, if they have no force there.
@@ -361,6 +365,7 @@ def near_pairs_of(site: Site, pairs: PairSet) -> NearPairs:
         np.concatenate(rows),
         site.whole.count,
         reach,
+        uses=uses,
         radii=touching,
         split=None if law.between is None else len(rows[0]),
         box=periods,

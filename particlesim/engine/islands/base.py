@@ -20,6 +20,7 @@ from particlesim.emitters import Emitter
 from particlesim.engine.constraints.constraint import Constraint
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.births import Births, Source
+from particlesim.engine.islands.laps import Laps
 from particlesim.engine.ledger.sums import measure
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.state.columns import Columns
@@ -104,8 +105,15 @@ class BaseIsland:
     def refuse_wild(self, time: float) -> None:
         """Raise UsageError, which names both, for two particles that have no force or energy where they are."""
 
-    def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
-        """Steps first … last − 1: births, motion, deaths."""
+    @property
+    def makes_laps(self) -> bool:
+        """Whether steps in laps, one after the other in one call of `advance`, save time."""
+        return False
+
+    def advance(
+        self, first: int, last: int, team: Team, laps: Laps | None = None
+    ) -> tuple[Births | None, Deaths | None, Fault | None]:
+        """Steps first … last − 1: births, motion, deaths. `laps` are for those that make them."""
         raise NotImplementedError
 
     def _emit(self, first: int, last: int) -> Births | None:
@@ -203,8 +211,8 @@ class BaseIsland:
         raise NotImplementedError
 
     def keep(self, first: int, *, fresh: bool = True) -> None:
-        """Keep the state at the beginning of an interval, to search for the first sign of a divergence in it. Where it is
-        `fresh`, a run may be resumed."""
+        """Keep the state at the beginning of a piece of an interval, to search for the first sign of a divergence in it.
+        Where it is `fresh`, a run may be resumed."""
         raise NotImplementedError
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
@@ -215,6 +223,9 @@ class BaseIsland:
     def stopped(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
         """As `replay`, for particles whose own steps could not go on."""
         return self.replay(row, first, steps)
+
+    def recall(self) -> None:
+        """Let it know that what steps change has been set to what it was at another time, as in a checkpoint."""
 
     def go_back(self) -> None:
         """Return to the beginning of the last interval, if the state then was kept."""

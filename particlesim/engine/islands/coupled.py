@@ -24,8 +24,9 @@ from particlesim.engine.interactions.registry import laid_again, laid_out
 from particlesim.engine.islands.base import BaseIsland, shortest_step
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.booking import Bookkeeper
-from particlesim.engine.islands.in_space import InSpace
+from particlesim.engine.islands.in_space import InSpace, in_order
 from particlesim.engine.islands.joined import Joined
+from particlesim.engine.islands.laps import Laps
 from particlesim.engine.islands.layout import Interactions, Layout
 from particlesim.engine.islands.moment import Moment
 from particlesim.engine.islands.present import Stored
@@ -151,9 +152,11 @@ class CoupledIsland(BaseIsland):
             with self._scenario.at_interaction(name):
                 refuse_wild(each, name, self.states, self.island_columns(), time)
 
-    def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
+    def advance(
+        self, first: int, last: int, team: Team, laps: Laps | None = None
+    ) -> tuple[Births | None, Deaths | None, Fault | None]:
         born = self._births(first, last) if self._changes else None
-        fault = self._move(first, last, team) if self.layout.count else None
+        fault = self._move(first, last, team, laps) if self.layout.count else None
         self._gather()
         deaths = self._deaths(last) if fault is None and self._changes else None
         if born is not None and born.ids.size and fault is None:
@@ -203,7 +206,13 @@ class CoupledIsland(BaseIsland):
             *(np.concatenate([getattr(each, name) for each in found]) for name in ("ids", "times", "causes"))
         )
 
-    def _move(self, first: int, last: int, team: Team) -> Fault | None:
+    @property
+    def makes_laps(self) -> bool:
+        return (
+            not self._changes and self.books is None and not self._method.adaptive and in_order(self.layout)
+        )
+
+    def _move(self, first: int, last: int, team: Team, laps: Laps | None = None) -> Fault | None:
         """Steps first … last − 1 of the particles that there are."""
         steps, layout, stepper, books = last - first, self.layout, self._stepper, self._books
         done = [0] * len(layout.shares(stepper.threads(layout, steps, team)))
@@ -213,23 +222,26 @@ class CoupledIsland(BaseIsland):
         kept = None if books is None else books.kept()
         if layout.constraint is not None:
             layout.constraint.begin()
-        columns = self.island_columns()
-        there = InSpace.of(layout, columns, steps) if pace is None else None
-        work = stepper.work(layout, columns, first, steps, done, pace, there)
-        team.each(work, len(done))
-        if there is not None:
-            there.bring_back(layout, columns)
+        if laps is not None:
+            steps = self._make_laps(first, steps, done, team, laps)
+        else:
+            columns = self.island_columns()
+            there = InSpace.of(layout, columns, steps) if pace is None else None
+            work = stepper.work(layout, columns, first, steps, done, pace, there)
+            team.each(work, len(done))
+            if there is not None:
+                there.bring_back(layout, columns)
         while books is not None and pace is not None and done[0] < steps and not pace.stuck:
             leg = books.open_leg(self._now(), pace)
             team.each(work, len(done))
             if not pace.stuck:
                 books.close_leg(leg, self._now(), arrived=done[0] == steps)
         if any(each.cramped for each in self.interactions):
+            layout.take(tuple(each.roomier() if each.cramped else each for each in self.interactions))
             self.go_back()
             if books is not None and kept is not None:
                 books.go_back(kept)
-            layout.renew()
-            return self._move(first, last, team)
+            return self._move(first, last, team, laps)
         if pace is None and done[0] < steps and stepper.solves_more(layout):
             work = stepper.work(layout, self.island_columns(), first, steps, done, pace)
             team.each(work, len(done))
@@ -238,6 +250,22 @@ class CoupledIsland(BaseIsland):
         if books is not None and opened is not None:
             books.close(opened, self._now(), last)
         return None
+
+    def _make_laps(self, first: int, steps: int, done: list[int], team: Team, laps: Laps) -> int:
+        """The same lap by lap, until one is not good or somebody wants the state; returns how many steps were to be made."""
+        layout, columns, there = self.layout, self.island_columns(), None
+        for begin in range(0, steps, laps.steps):
+            end = min(begin + laps.steps, steps)
+            there = there or InSpace.of(layout, columns, steps - begin)  # not known before the first one
+            work = self._stepper.work(layout, columns, first, end, done, None, there)
+            team.each(work, len(done))
+            cramped = any(each.cramped for each in layout.interactions)
+            if done[0] < end or cramped or (end < steps and not laps.goes_on(first + end)):
+                steps = end
+                break
+        if there is not None:
+            there.bring_back(layout, columns)
+        return steps
 
     # ---- what went wrong
 
@@ -262,9 +290,12 @@ class CoupledIsland(BaseIsland):
         """What holds particles, or which of them: for that, step once more on a copy, and look."""
         layout = self.layout
         missed = None if self.constraint is None else self.constraint.unheld(self._site)
-        self._stepper.copy(layout, layout.parts, self.interactions, copied(self.island_columns()), step, 1)
-        force = layout.work.force
+        force, columns = self.forces(step * self.dt), copied(self.island_columns())
         wild = ~np.isfinite(force).all(axis=0)
+        if not wild.any():
+            self._stepper.copy(layout, layout.parts, self.interactions, columns, step, 1)
+            moved = (columns.x, columns.y, columns.z, columns.vx, columns.vy, columns.vz)
+            wild = ~np.isfinite(moved).all(axis=0)
         if missed is not None and (np.isfinite(missed[1].misfit) or not wild.any()):
             row, unheld = missed
             return Fault(*self._joined.member_of(row), step, unheld=unheld)
@@ -283,21 +314,25 @@ class CoupledIsland(BaseIsland):
         for mine, column in zip(self._kept, now, strict=True):
             np.copyto(mine, column)
 
+    def recall(self) -> None:
+        self.layout.recall()
+
     def go_back(self) -> None:
         """Return to the beginning of the last interval, or to the last births or deaths in it."""
         if self._kept:
             self._now().take(self._kept)
+            self.recall()
 
     def _return_to(self, step: int) -> None:
         """Bring the island to the beginning of a step of the present interval."""
         assert self.kept_from is not None
         columns, interactions, _ = self.replay(0, self.kept_from, step - self.kept_from)
         self._now().take(Moment(columns, interactions).arrays())
+        self.recall()
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, Interactions, slice]:
-        for each in self.interactions:
-            each.renewed()
         columns, interactions = self._now().made_of([column.copy() for column in self._kept])
+        self.recall()  # steps of a copy find out what it has not
         self._stepper.copy(self.layout, self.layout.parts, interactions, columns, first, steps)
         return columns, interactions, slice(0, self.layout.count)
 

@@ -35,7 +35,7 @@ class InSpace(NamedTuple):
     def of(cls, layout: Layout, columns: Columns, steps: int) -> Self | None:
         """Another order, if it is worth it for so many steps of an island: None where the order is good, or no better one is
         known."""
-        if layout.count < WORTH_PARTICLES or steps < WORTH_STEPS or not layout.movable:
+        if steps < WORTH_STEPS or not in_order(layout):
             return None
         rows = rows_in_space(layout)
         if rows is None:
@@ -55,6 +55,11 @@ class InSpace(NamedTuple):
             mine[self.rows] = theirs
         for each, there in zip(layout.interactions, self.elements, strict=True):
             each.bring_back(there, self.rows, self.place)
+
+
+def in_order(layout: Layout) -> bool:
+    """Whether an order in space is worth it for some number of steps."""
+    return layout.count >= WORTH_PARTICLES and layout.movable
 
 
 def rows_in_space(layout: Layout) -> Ints | None:

@@ -14,6 +14,7 @@ from particlesim.engine.independent.adaptive import new_log, step_range_adaptive
 from particlesim.engine.independent.kernel import Room, new_room, step_range
 from particlesim.engine.islands.base import OWN_STEPS, WORTH_THREADS, BaseIsland, shortest_step
 from particlesim.engine.islands.births import Births
+from particlesim.engine.islands.laps import Laps
 from particlesim.engine.ledger.particle_work import Legs, Opened, ParticleBooks, spans
 from particlesim.engine.ledger.sums import sum_forces
 from particlesim.engine.ledger.work import unjolted
@@ -83,7 +84,9 @@ class IndependentIsland(BaseIsland):
         """What a trajectory keeps of its interactions: nothing."""
         return []
 
-    def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
+    def advance(
+        self, first: int, last: int, team: Team, laps: Laps | None = None
+    ) -> tuple[Births | None, Deaths | None, Fault | None]:
         self.state.reserve(self.state.count + sum(self._due(last)))
         born = self._emit(first, last)
         opened = self._open(born, first)

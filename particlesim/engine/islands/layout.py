@@ -92,8 +92,18 @@ class Layout:
         return plain and work.system is None and work.radau is None and work.orbits is None
 
     def renew(self, *, fresh: bool = True) -> None:
-        """Let interactions begin an interval anew: all, so that it does not depend on those before, or those that must."""
-        self.take(tuple(each.renewed() if fresh or not each.lasts else each for each in self.interactions))
+        """Let interactions forget what they have found out: all that a resumed run would not know where it is `fresh`, else
+        what is of no more use."""
+        self.take(
+            tuple(
+                each.renewed() if (fresh and not each.resumes) or not each.lasts else each
+                for each in self.interactions
+            )
+        )
+
+    def recall(self) -> None:
+        """Let interactions know that what steps change has been set to what it was at another time."""
+        self.take(tuple(each.recalled() for each in self.interactions))
 
     def take(self, interactions: Interactions) -> None:
         """Have the same interactions with other arrays."""

@@ -40,6 +40,9 @@ class Moment(NamedTuple):
         return Moment(mapped(np.copy, self.columns), self.copied().interactions)
 
     def take(self, arrays: Sequence[NDArray[Any]]) -> None:
-        """Set all that steps change."""
+        """Set all that steps change. Interactions may have got more room since; they must be `recalled`."""
         for mine, theirs in zip(self.arrays(), arrays, strict=True):
-            np.copyto(mine, theirs)
+            if mine.shape == theirs.shape:
+                np.copyto(mine, theirs)
+            else:
+                mine[: len(theirs)] = theirs

@@ -13,6 +13,7 @@ from particlesim.engine.faults import Fault, Unclosed
 from particlesim.engine.islands.base import BaseIsland, Intrusion
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
+from particlesim.engine.islands.laps import Laps
 from particlesim.engine.islands.rigid_scene import colliders_of, scene_of, still_of
 from particlesim.engine.ledger.sums import measure
 from particlesim.engine.rigid.bodies import (
@@ -183,7 +184,9 @@ class RigidIsland(BaseIsland):
         self._take(whole)
         return None if held else self._fault(step, opened=True)
 
-    def advance(self, first: int, last: int, team: Team) -> tuple[Births | None, Deaths | None, Fault | None]:
+    def advance(
+        self, first: int, last: int, team: Team, laps: Laps | None = None
+    ) -> tuple[Births | None, Deaths | None, Fault | None]:
         if self.visitors is not None:
             return None, None, self._receive(first, self.visitors)
         done, report, scene = first, np.zeros(2), self._booking()

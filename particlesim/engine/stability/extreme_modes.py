@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.interactions.interaction import Coupling
+from particlesim.engine.interactions.coupling import Coupling
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.emitters import Emitter, Schedule
-from particlesim.engine.interactions.interaction import Coupling
+from particlesim.engine.interactions.coupling import Coupling
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.stability.extreme_modes import bound, extreme_modes
 from particlesim.engine.state.group_state import GroupState

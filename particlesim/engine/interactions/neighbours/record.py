@@ -10,7 +10,7 @@ An interaction between two sets has two *sections* of whole groups; then only me
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,14 +37,19 @@ FAR = 1e30
 """The position of members that do not act [m]: the dead, those not yet born, the padding of the last group. A member as far
 away as that, or whose position is not finite, is no neighbour of any other."""
 
-STALE, OVERFLOW, BUILDS, LIVED, DUE = range(5)
-"""In `report`: whether the lists have to be built anew, whether they had no room, how often they were built, for how many
-uses they have lived; whether sums over them are due though nothing may have changed, as others have looked at them."""
+STALE, OVERFLOW, BUILDS, LIVED, DUE, CAPACITY = range(6)
+"""In `report`: whether the lists have to be built anew or found again, whether they had no room, how often they were built,
+for how many uses they have lived; whether sums over them are due though nothing may have changed, as others have looked at
+them; for how many candidates there is room."""
+LOST = 2
+"""For STALE: lists are to be found again as they were built last, from `order`, `base` and `skin`."""
 POOL, NEXT, TURN, SKIP = 8, 16, 24, 32
 """In `report`, on cache lines of their own: room given away, counters of work that threads take, a flag of the sort."""
 
 SKIN, NARROWEST_SKIN, WIDEST_SKIN = 0.12, 0.04, 0.4
 """A skin that is tuned, at first and within which bounds, as a part of the cutoff. The first is right for a liquid."""
+USES = 6, 30
+"""For how many sums of forces lists should hold: where they are short, they take as long to build as some sums."""
 
 LOW, HIGH, LEAST, LARGEST, MOVED, MOVED_HIGH = 0, 3, 6, 7, 8, 11
 """Columns of `slots`: lowest and highest place of members, smallest and largest radius, lowest and highest displacement."""
@@ -62,7 +67,8 @@ class Neighbours(NamedTuple):
 
     `members` [m]: rows of the members in the island, the first section first; `split`: how many are in the first of two
     sections, None for one. `cutoff` [m]: how far two members may be apart, or their surfaces where there are `radii`;
-    `skin` [1]: how much further candidates may be [m], `tuned`: None if it stays as it is. `box`: periods of the three
+    `skin` [1]: how much further candidates may be [m], `tuned`: for how many uses lists should hold at least and at most,
+    None if the skin stays as it is. `box`: periods of the three
     axes, None each where open; None: no axis is periodic.
 
     `order` [room]: row at every place, −1 for none; `place` [n]: place of every row, −1 for rows that are no members. `x`
@@ -113,6 +119,7 @@ def new_neighbours(
     cutoff: float,
     skin: float | None = None,
     *,
+    uses: tuple[int, int] = USES,
     split: int | None = None,
     box: Sequence[float | None] | None = None,
     radii: bool = False,
@@ -122,7 +129,8 @@ def new_neighbours(
 ) -> Neighbours:
     """Lists of members, not yet built, in an island of some particles; a skin that is not given is found.
 
-    `clocked`: whether some may be born or die. `room`: candidates to have room for, at least.
+    `uses`: for how many sums lists should hold, at least and at most. `clocked`: whether some may be born or die. `room`:
+    candidates to have room for, at least.
 
     Raises ValueError for more members than a list can name, and for a box that is too small for its images.
     """
@@ -138,6 +146,7 @@ def new_neighbours(
     widest = WIDEST_SKIN * cutoff if skin is None else skin
     if any(each is not None and each < cutoff + widest for each in lengths):
         raise ValueError("a period of the box is shorter than the cutoff and the skin")
+    report = new_report(max(room, ROOM * m + 64 * BLOCK))
     levels = level_starts(groups)
     nodes = levels[-1]
     boxes = np.empty((6, nodes))
@@ -150,7 +159,7 @@ def new_neighbours(
         split,
         float(cutoff),
         np.array([0.0 if skin is None else skin]),
-        True if skin is None else None,
+        uses if skin is None else None,
         lengths or None,
         np.full(places, -1, np.int32),
         np.full(particles, -1, np.int32),
@@ -164,20 +173,20 @@ def new_neighbours(
         levels,
         np.zeros(groups, np.int64),
         np.zeros(groups, np.int64),
-        np.zeros(max(room, ROOM * m + 64 * BLOCK), np.uint32),
+        np.zeros(report[CAPACITY], np.uint32),
         images,
         np.zeros((2, m), np.int64),
         np.zeros((2, m), np.int32),
         np.zeros((SLICES, 1 << DIGIT), np.int64),
         np.zeros((SLICES, 24)),
-        new_report(),
+        report,
     )
 
 
-def new_report() -> Ints:
-    """A report that asks for lists."""
+def new_report(capacity: int) -> Ints:
+    """A report that asks for lists, with room for so many candidates."""
     report = np.zeros(40, np.int64)
-    report[STALE] = 1
+    report[STALE], report[CAPACITY] = 1, capacity
     return report
 
 
@@ -199,7 +208,7 @@ def enlarged(near: Neighbours) -> Neighbours:
     if not near.report[OVERFLOW]:
         return near
     room = max(2 * near.candidates.size, int(near.report[POOL]))
-    return near._replace(candidates=np.zeros(room, np.uint32), report=new_report())
+    return near._replace(candidates=np.zeros(room, np.uint32), report=new_report(room))
 
 
 def candidates_of(near: Neighbours, g: int) -> tuple[Ints, Ints]:
@@ -224,6 +233,30 @@ def take_over(each: Any, other: Any) -> None:
 def forget(near: Neighbours) -> None:
     """Have the lists built anew at their next use."""
     near.report[STALE] = 1
+
+
+def lasting(near: Neighbours) -> tuple[NDArray[Any], ...]:
+    """The arrays from which lists are found again (`found_again`)."""
+    kept = (near.order, near.place, near.base, near.wrap, near.skin, near.report)
+    return tuple(each for each in kept if each is not None)
+
+
+def with_lasting(near: Neighbours, arrays: Iterator[NDArray[Any]]) -> Neighbours:
+    """The same with the next of other such arrays."""
+    order, place, base = next(arrays), next(arrays), next(arrays)
+    wrap = None if near.wrap is None else next(arrays)
+    return near._replace(
+        order=order, place=place, base=base, wrap=wrap, skin=next(arrays), report=next(arrays)
+    )
+
+
+def found_again(near: Neighbours) -> Neighbours:
+    """The same after its `lasting` arrays have been set to what they were at another time: candidates, and the tree, are
+    found again at the next use, in as much room as there was."""
+    if near.report[STALE] == 0:
+        near.report[STALE] = LOST
+    room = near.report[CAPACITY] = max(int(near.report[CAPACITY]), near.candidates.size)
+    return near if room == near.candidates.size else near._replace(candidates=np.zeros(room, np.uint32))
 
 
 def slice_of(count: Any, k: Any) -> Any:

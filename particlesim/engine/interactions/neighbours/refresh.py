@@ -21,6 +21,7 @@ from particlesim.engine.interactions.neighbours.record import (
     FURTHEST_DRIFTED,
     GROUP,
     LIVED,
+    LOST,
     MOVED,
     MOVED_HIGH,
     NEXT,
@@ -190,6 +191,26 @@ def build(near: Any, c: Any, share: Any, t: Any) -> None:
     find_candidates(near, share)
 
 
+@shared
+def find_again(near: Any, c: Any, share: Any) -> None:
+    """The lists as they were built last, in the same order. All threads must call it."""
+    meet(share.gate, share.threads)
+    if share.number == 0:
+        near.report[POOL] = 0
+        near.report[NEXT] = 0
+        near.report[STALE] = 0
+        near.report[OVERFLOW] = 0
+    if near.radii is not None:
+        for s in range(share.number, SLICES, share.threads):
+            first, last = slice_of(near.order.size, s)
+            for k in range(first, last):
+                if near.order[k] >= 0:
+                    near.radii[k] = c.r[near.order[k]]
+    meet(share.gate, share.threads)
+    grow_tree(near, share)
+    find_candidates(near, share)
+
+
 def refresh(near: Any, c: Any, share: Any, t: Any, moving: Any = (), fixed: Any = (), quiet: Any = ()) -> Any:
     """Present places of all members, and lists that hold; returns whether anything has changed since the last time.
 
@@ -202,11 +223,16 @@ def refresh(near: Any, c: Any, share: Any, t: Any, moving: Any = (), fixed: Any 
         near.report[TURN] = 0
         near.report[LIVED] += 1
     meet(share.gate, share.threads)
-    if _hold(near, share):
+    where = Where(c.x, c.y, c.z, None if near.radii is None else c.r, c.clock)
+    crew = Crew(share.number, share.threads, share.gate)
+    lost = near.report[STALE] == LOST
+    if lost:
+        find_again(near, where, crew)
+    if not _hold(near, share):
+        build(near, where, crew, t)
+    elif not lost:
         _, changed = over_slices(near, CHANGED)
         return changed > 0.0
-    where = Where(c.x, c.y, c.z, None if near.radii is None else c.r, c.clock)
-    build(near, where, Crew(share.number, share.threads, share.gate), t)
     _gather(near, c, share, t, (*moving, *fixed), quiet)
     meet(share.gate, share.threads)
     return True

@@ -35,8 +35,10 @@ from particlesim.engine.interactions.neighbours.record import (
 
 FINENESS = 4.0
 """Cells of the curve in a cutoff."""
-SHORT_LIVED, LONG_LIVED, WIDEN, NARROW = 6, 30, 1.3, 0.85
-"""Sums of forces for which lists should hold, and the factors of a skin for which they did not."""
+STEADY = 64
+"""Cells by which the curve is moved at a time."""
+WIDEN, NARROW = 1.3, 0.85
+"""Factors of a skin whose lists held too short or too long."""
 SAMPLE = 128
 """Members whose places tell where most are."""
 
@@ -115,8 +117,28 @@ def tuned_skin(near: Any) -> Any:
         reach += least + largest
     if near.report[STALE] != 0:
         return SKIN * reach
-    factor = WIDEN if near.report[LIVED] < SHORT_LIVED else NARROW if near.report[LIVED] > LONG_LIVED else 1.0
+    short, long = near.tuned
+    factor = WIDEN if near.report[LIVED] < short else NARROW if near.report[LIVED] > long else 1.0
     return min(max(factor * near.skin[0], NARROWEST_SKIN * reach), WIDEST_SKIN * reach)
+
+
+def _width(near: Any, skin: Any) -> Any:
+    """How wide cells of the curve are; the same for skins that are tuned, so that members keep their places."""
+    if near.tuned is None:
+        reach = near.cutoff + skin
+        return (reach if near.radii is None else reach + 2.0 * over_slices(near, LEAST)[0]) / FINENESS
+    if near.radii is None:
+        return near.cutoff * (1.0 + SKIN) / FINENESS
+    least, _ = over_slices(near, LEAST)
+    _, largest = over_slices(near, LARGEST)
+    return max(near.cutoff + 2.0 * least, SKIN * (near.cutoff + least + largest)) * (1.0 + SKIN) / FINENESS
+
+
+def _corner(low: Any, width: Any) -> Any:
+    """A corner of the cube, which members that move do not move at once."""
+    steady = STEADY * width
+    corner = np.floor(low / steady) * steady
+    return corner if abs(corner) < np.inf else low
 
 
 @outlined
@@ -128,10 +150,8 @@ def frame(near: Any, c: Any, skin: Any) -> Any:
     _, x1 = over_slices(near, HIGH)
     _, y1 = over_slices(near, HIGH + 1)
     _, z1 = over_slices(near, HIGH + 2)
-    width = (near.cutoff + skin) / FINENESS
-    if near.radii is not None:
-        least, _ = over_slices(near, LEAST)
-        width += 2.0 * least / FINENESS
+    width = _width(near, skin)
+    x0, y0, z0 = _corner(x0, width), _corner(y0, width), _corner(z0, width)
     extent = max(x1 - x0, y1 - y0, z1 - z0)
     if not extent < width * 2.0**LEVELS:
         lx, ly, lz = (None, None, None) if near.box is None else near.box

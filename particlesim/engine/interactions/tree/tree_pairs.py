@@ -77,12 +77,15 @@ class TreePairs(Interaction, TreeColumns):
         sum_field(self.tree, self.limits, self.size, c.x, c.y, c.z, self.w, share)
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
+        type(self).add_settled(self, c, total[:, first:last], first, last, t)
+
+    def add_settled(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         field = self.tree.field
         for i in range(first, last):
             k = self.coupling * weight_of(self, c, i)
-            total[0, i] += k * field[0, i]
-            total[1, i] += k * field[1, i]
-            total[2, i] += k * field[2, i]
+            total[0, i - first] += k * field[0, i]
+            total[1, i - first] += k * field[1, i]
+            total[2, i - first] += k * field[2, i]
 
     def error_of(self, c: Any, i: Any) -> Any:
         field = self.tree.field
