@@ -18,6 +18,7 @@ from particlesim.engine.islands.meetings import Meetings
 from particlesim.engine.ledger.sums import MOTION
 from particlesim.engine.ledger.work import total_energy
 from particlesim.engine.state.group_state import Deaths
+from particlesim.engine.state.table import SPIN
 from particlesim.engine.step.records import as_precision
 from particlesim.engine.world import World
 from particlesim.errors import DivergenceError
@@ -224,7 +225,10 @@ class Simulation(World):
         return total
 
     def _pressure(self, row: dict[str, float]) -> float:
-        """(2 K + Σ l·f)/(3 V) [Pa], with the energy K of the motion about the centre of mass: the virial theorem."""
+        """(2 K + Σ l·f)/(3 V) [Pa], with the energy K of the motion about the centre of mass: the virial theorem.
+
+        K is that of translation, as momentum is what crosses a wall: spheres that turn in place push against none.
+        """
         box = self.scenario.simulation.box
         volume = None if box is None else box.as_box().volume
         assert volume is not None
@@ -236,7 +240,9 @@ class Simulation(World):
             for each in island.interactions
             if (found := each.virial(island.island_columns(), self.time)) is not None
         )
-        return (2 * (row["kinetic"] - drift) + virial) / (3 * volume)
+        turns = any(SPIN in state.parts for state in self.states)
+        kinetic = sum(state.kinetic() for state in self.states) if turns else row["kinetic"]
+        return (2 * (kinetic - drift) + virial) / (3 * volume)
 
     def _balance(self, total: dict[str, float]) -> None:
         """Add the work that has been done and the residual of the balance [J]."""

@@ -38,13 +38,14 @@ def totals(scenario: Tables) -> tuple[str, ...]:
 
 
 def pressures(scenario: Tables) -> tuple[str, ...]:
-    """The pressure, where particles fill a box that is periodic along all axes and act on each other alone: what springs,
-    rods and pins carry is not counted."""
+    """The pressure, where particles fill a box that is periodic along all axes and act on each other alone, by forces: what
+    springs, rods, pins and impulses carry is not counted."""
     box = scenario.simulation.box
     if box is None or not all(box.periodic):
         return ()
     carried = bool(scenario.bonds or scenario.rod_sets or scenario.hinges)
     carried = carried or any(group.has_pins() for group in scenario.particles)
+    carried = carried or any(pairs.law.by_impulses for pairs in pair_sets(scenario))
     moving = all(group.dynamics.type == "second_order" for group in scenario.groups)
     return ("pressure",) if moving and not carried else ()
 

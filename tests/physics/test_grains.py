@@ -593,6 +593,36 @@ def test_the_pressure_of_a_periodic_box_has_the_virial_of_contacts() -> None:
     assert pressure[0] == pytest.approx(n * (2 * R - deep) * k * deep / (3 * length), rel=1e-9)
 
 
+def test_what_turns_in_place_has_no_pressure_and_what_flies_has_that_of_its_momentum() -> None:
+    # Momentum that crosses a plane: two grains at ±v about a centre at rest have 2 K = 2 m v², and their spin none.
+    v, fast = 0.3, 100.0
+    for speed in (0.0, v):
+        grains = points((0.2, 0.2, 0.2), (0.7, 0.7, 0.7), velocity=[(speed, 0, 0), (-speed, 0, 0)])
+        scenario = table(
+            1e-3,
+            1e-3,
+            particles=[{**grains, "mass": M, "radius": R, "angular_velocity": [0, fast, 0]}],
+            interactions=[{**LINEAR, "friction": 0.5}],
+            output={"ledger": True},
+        )
+        scenario["simulation"]["box"] = {"size": [1, 1, 1]}
+        found = ps.run(ps.from_table(scenario)).ledger
+        assert found["kinetic"][0] == pytest.approx(M * speed**2 + INERTIA * fast**2, rel=1e-12)
+        assert found["pressure"] == pytest.approx([2 * M * speed**2 / 3] * 2, rel=1e-12, abs=0)
+
+
+def test_there_is_no_pressure_where_impulses_carry_it() -> None:
+    # Impulses act between the moments of the ledger, which would have the pressure of an ideal gas.
+    grains = points((0.2, 0.2, 0.2), (0.7, 0.7, 0.7), mass=M, radius=R)
+    scenario = table(1e-3, 1e-3, particles=[grains], interactions=[LINEAR], output={"ledger": True})
+    scenario["simulation"]["box"] = {"size": [1, 1, 1]}
+    assert "pressure" in ps.run(ps.from_table(scenario)).ledger
+    hard = {**scenario, "interactions": [{"type": "contact", "model": "impulse"}]}
+    assert "pressure" not in ps.run(ps.from_table(hard)).ledger
+    with pytest.raises(ps.ScenarioError, match=r"impulses .* carry some of it"):
+        ps.from_table({**hard, "checks": [{"quantity": "pressure", "min": 0}]})
+
+
 def refused(**changes: Any) -> str:
     law = {**LINEAR, "friction": 0.5, **changes.pop("law", {})}
     group = points((0, 0, 0), radius=R, mass=M, **changes.pop("group", {}))

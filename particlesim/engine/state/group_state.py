@@ -239,7 +239,7 @@ class GroupState:
             self.memory[-1, :n] = 0
 
     def kinetic(self) -> float:
-        """Kinetic energy of the group [J]."""
+        """Kinetic energy of the group, without that of its rotation [J]."""
         n = self.count
         speed2 = (self.v[:, :n].astype(float) ** 2).sum(axis=0)
         return float((0.5 * self.mass[:n].astype(float) * speed2).sum())

@@ -142,6 +142,11 @@ def _unknown(scenario: Tables, name: str, k: int) -> Invalid:
         hint = "name a component: " + ", ".join(components)
     elif name.startswith("potential."):
         hint = "of forces, those count that have a potential energy: " + (", ".join(components) or "none")
+    elif name == "pressure":
+        hint = (
+            "it is that of motion and of forces between particles, in a box that is periodic along all axes: not where "
+            "springs, rods, pins or impulses (contact without stiffness) carry some of it"
+        )
     elif name.startswith("work.") and hint is None:
         hint = "work is done by: " + (", ".join(components) or "nothing")
     else:
