@@ -13,8 +13,6 @@ from particlesim.emitters import Emitter
 from particlesim.engine.diagnosis.overlaps import overlaps
 from particlesim.engine.diagnosis.post_mortem import ran_away
 from particlesim.engine.gain import Account, Gain, drift_of, jitter
-from particlesim.engine.interactions.impulses import Impulses
-from particlesim.engine.interactions.surfaces.surface_contacts import SurfaceContacts
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.shadow import swing, swings
 from particlesim.engine.stability.limits import island_stability
@@ -176,9 +174,8 @@ class Guard:
 
 
 def _fed(island: BaseIsland) -> float:
-    """What hard contacts have given by moving apart what overlaps [J]."""
-    hard = (each for each in island.interactions if isinstance(each, Impulses | SurfaceContacts))
-    return sum((float(each.fed[0]) for each in hard), 0.0)
+    """What interactions have given by moving particles apart [J]."""
+    return float(sum(each.given for each in island.interactions))
 
 
 def _too_long(world: World, number: int) -> str:

@@ -126,6 +126,10 @@ class Impulses(NearLists, ImpulseColumns):
             return self
         return self._replace(near=near, bench=bench)
 
+    @property
+    def given(self) -> float:
+        return float(self.fed[0])
+
     def changing(self) -> tuple[Floats, ...]:
         return (self.fed,)
 

@@ -222,6 +222,11 @@ class Interaction:
         """The power of such forces [W]; in a step (`in_step`), in which what is there for a part of it counts so much."""
         return 0.0
 
+    @property
+    def given(self) -> float:
+        """What it has given to particles by moving them apart, without forces [J]."""
+        return 0.0
+
     def snapped(self, before: Self, c: Any) -> float:
         """What its potential has lost in a step by jumps of contacts that have begun or ended since `before` [J]."""
         return 0.0

@@ -103,7 +103,7 @@ def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
 @outlined
 def hold_back(b: Any, k: Any, motion: Any, h: Any) -> None:
     """Take back energy from nothing in clusters whose impulses were not found, in a step of h: all of their impulses are
-    made smaller, θ P with the largest θ ≤ 1 that does it. Motors and surfaces that run may give energy."""
+    made smaller, θ P with the largest θ ≤ 1 that does it. Surfaces that run may give energy."""
     for cluster in range(motion.clusters[0]):
         if motion.unsettled[cluster] != 0 and not is_driven(k, motion, cluster):
             part = bearable(b, k, motion, cluster, h)
@@ -112,12 +112,11 @@ def hold_back(b: Any, k: Any, motion: Any, h: Any) -> None:
 
 
 def is_driven(k: Any, motion: Any, cluster: Any) -> bool:
-    """Whether motors or surfaces that run act in a cluster."""
+    """Whether surfaces that run act in a cluster; motors do not, as it has no joints."""
     driven = False
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
-        runs = k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
-        driven = driven or runs or k.turns[c] == MOTOR
+        driven = driven or k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
     return driven
 
 

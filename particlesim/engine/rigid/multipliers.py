@@ -34,9 +34,8 @@ from particlesim.compiler import on_stack, outlined
 from particlesim.engine.rigid.bodies import WORLD, orientation
 from particlesim.engine.rigid.contact_rows import speed_along, strike
 from particlesim.engine.rigid.equations import eliminate
-from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.rotation import matrix, to_body
-from particlesim.engine.rigid.stops import LIMIT, MOTOR, ROLL
+from particlesim.engine.rigid.stops import ROLL
 
 EPS = float(np.finfo(float).eps)
 SEEN, AGAIN, ANEW = 0, 1, 2
@@ -108,7 +107,7 @@ def bound_at_first(b: Any, k: Any, motion: Any, cluster: Any, stiff: Any) -> Non
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
         k.bound[c] = k.grip[c] = 0.0
-        in_bounds(b, k, int(k.aim[0, c]) if k.turns[c] == ROLL else c, 0.0, stiff, new)
+        in_bounds(k, int(k.aim[0, c]) if k.turns[c] == ROLL else c, 0.0, stiff, new)
         k.onward[c, 0] = new[0, 0]
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
@@ -158,7 +157,7 @@ def give_all(b: Any, k: Any, motion: Any, first: Any, last: Any, stiff: Any) -> 
     new = on_stack(1, 3, np.float64)
     for at in range(first, last):
         c = k.order[at]
-        in_bounds(b, k, c, 0.0, stiff, new)
+        in_bounds(k, c, 0.0, stiff, new)
         for d in range(3):
             strike(b, k, motion, c, d, new[0, d] - k.impulse[c, d])
             k.impulse[c, d] = new[0, d]
@@ -178,32 +177,22 @@ def stiffness(b: Any, k: Any, motion: Any, cluster: Any) -> float:
     return float(np.sqrt(heavy * min(light, heavy) / EPS))
 
 
-def penalty(b: Any, k: Any, c: Any, stiff: Any) -> float:
-    """The penalty of a contact: [kg m²] for one that turns bodies by an angle."""
-    if k.turns[c] != LIMIT and k.turns[c] != MOTOR:
-        return float(stiff)
-    other = 0.0 if k.second[c] == WORLD else b.w[k.second[c]]
-    return float(stiff * k.rows[c, 0, 15] * (b.w[k.first[c]] + other))
-
-
 # ---- impulses within bounds
 
 
 @outlined
-def in_bounds(b: Any, k: Any, c: Any, part: Any, stiff: Any, new: Any) -> float:
+def in_bounds(k: Any, c: Any, part: Any, stiff: Any, new: Any) -> float:
     """The impulses P' of a contact at a part of the way, into new [1, 3]; returns the size that its friction would have."""
-    r = penalty(b, k, c, stiff)
     new[0, 0] = 0.0
     if k.turns[c] != ROLL:
-        wish = k.impulse[c, 0] - r * (k.before[c, 0] + part * k.onward[c, 0])
-        new[0, 0] = clamped(wish, -k.aim[1, c], k.aim[1, c]) if k.turns[c] == MOTOR else max(wish, 0.0)
+        new[0, 0] = max(k.impulse[c, 0] - stiff * (k.before[c, 0] + part * k.onward[c, 0]), 0.0)
     new[0, 1] = new[0, 2] = 0.0
     if k.grip[c] > 0:
         k.bound[c] = k.grip[c] * new[0, 0]
     if not k.bound[c] > 0:
         return 0.0
-    one = k.impulse[c, 1] - r * (k.before[c, 1] + part * k.onward[c, 1])
-    two = k.impulse[c, 2] - r * (k.before[c, 2] + part * k.onward[c, 2])
+    one = k.impulse[c, 1] - stiff * (k.before[c, 1] + part * k.onward[c, 1])
+    two = k.impulse[c, 2] - stiff * (k.before[c, 2] + part * k.onward[c, 2])
     size = np.sqrt(one * one + two * two)
     less = k.bound[c] / size if size > k.bound[c] else 1.0
     new[0, 1], new[0, 2] = less * one, less * two
@@ -214,7 +203,7 @@ def is_free(k: Any, c: Any, d: Any, size: Any, new: Any) -> bool:
     """Whether an impulse of a contact is not at its bound; `size` and `new` as by `in_bounds`."""
     if d > 0:
         return bool(k.bound[c] > 0 and size <= k.bound[c])
-    return bool(abs(new[0, 0]) < k.aim[1, c] if k.turns[c] == MOTOR else new[0, 0] > 0)
+    return bool(new[0, 0] > 0)
 
 
 @outlined
@@ -223,18 +212,15 @@ def stays(b: Any, k: Any, motion: Any, cluster: Any, stiff: Any) -> bool:
     same, new = True, on_stack(1, 3, np.float64)
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
-        size = in_bounds(b, k, c, 0.0, stiff, new)
+        size = in_bounds(k, c, 0.0, stiff, new)
         presses, holds = is_free(k, c, 0, size, new), is_free(k, c, 1, size, new)
-        size = in_bounds(b, k, c, 1.0, stiff, new)
+        size = in_bounds(k, c, 1.0, stiff, new)
         same = same and presses == is_free(k, c, 0, size, new) and holds == is_free(k, c, 1, size, new)
     return bool(same)
 
 
 def seems_pressed(k: Any, motion: Any, cluster: Any, c: Any) -> bool:
-    """Whether the impulse of a contact along its first direction will not be at a bound, it seems: it was not with the
-    impulses that were kept, or its bodies do not part."""
-    if k.turns[c] == MOTOR:
-        return bool(abs(k.kept[c, 0]) < k.aim[1, c])
+    """Whether a contact will press, it seems: it did with the impulses that were kept, or its bodies do not part."""
     return bool(k.kept[c, 0] > 0 or k.before[c, 0] < TOUCHING * motion.largest[cluster])
 
 
@@ -279,7 +265,7 @@ def add_at_first(
     b: Any, k: Any, motion: Any, cluster: Any, c: Any, stiff: Any, quick: Any, line: Any
 ) -> None:
     """Add a contact as if it were stuck where it seems to press; what runs faster than `quick` slides on as it does."""
-    e, i, j, r = k.rows[c], k.first[c], k.second[c], penalty(b, k, c, stiff)
+    e, i, j, r = k.rows[c], k.first[c], k.second[c], stiff
     presser = int(k.aim[0, c]) if k.turns[c] == ROLL else c
     if not seems_pressed(k, motion, cluster, presser):
         return
@@ -303,8 +289,8 @@ def add_seen(b: Any, k: Any, motion: Any, c: Any, stiff: Any, again: Any, line: 
     """Add a contact as it is by its motion and its impulses, or by these alone, where they are those of the last turn
     (`again`) and the motion is what still has to be taken away."""
     new, a = on_stack(1, 3, np.float64), motion.room
-    e, i, j, r = k.rows[c], k.first[c], k.second[c], penalty(b, k, c, stiff)
-    size = in_bounds(b, k, c, 0.0, 0.0 if again else stiff, new)
+    e, i, j, r = k.rows[c], k.first[c], k.second[c], stiff
+    size = in_bounds(k, c, 0.0, 0.0 if again else stiff, new)
     slides = k.bound[c] > 0 and size > (1 - EDGE if again else 1.0) * k.bound[c]
     for d in range(3):
         more, inside = new[0, d] - k.impulse[c, d], is_free(k, c, d, size, new)
@@ -414,7 +400,7 @@ def slope(b: Any, k: Any, motion: Any, cluster: Any, stiff: Any, line: Any, part
     new, total = on_stack(1, 3, np.float64), line[0, 0] + part * line[0, 1]
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
-        in_bounds(b, k, c, part, stiff, new)
+        in_bounds(k, c, part, stiff, new)
         for d in range(3):
             total += (k.impulse[c, d] - new[0, d]) * k.onward[c, d]
     return float(total)

@@ -157,6 +157,10 @@ class SurfaceContacts(Interaction, SurfaceColumns):
             tune=tune, **laid(self, triangles, edges, None if new.split is None else (one, other))
         )
 
+    @property
+    def given(self) -> float:
+        return float(self.fed[0])
+
     def changing(self) -> tuple[Floats, ...]:
         return (self.fed,)
 
