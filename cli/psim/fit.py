@@ -36,7 +36,7 @@ def fit(
         ),
     ] = None,
     aim: Annotated[
-        str | None, typer.Option("--aim", metavar="GROUP", help="Aim the one particle of this group.")
+        str | None, typer.Option("--aim", metavar="GROUP", help="Aim the one particle or body of this group.")
     ] = None,
     target: Annotated[
         str | None, typer.Option("--target", metavar="X,Y,Z", help=r"The point \[m] that --aim has to hit.")

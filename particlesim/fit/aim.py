@@ -1,4 +1,4 @@
-"""Aiming: the directions of launch with which a particle hits a target. The speed of launch stays."""
+"""Aiming: the directions of launch with which a particle or a body hits a target. The speed of launch stays."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ class Aim:
 def aim(
     scenario: str | Path, group: str, target: Sequence[float], *, overrides: Overrides | None = None
 ) -> Aim:
-    """Directions in which the one particle of `group` hits the point `target` [m], with the speed that it has.
+    """Directions in which the one particle or body of `group` hits the point `target` [m], with the speed that it has.
 
     Elevation is counted from the horizontal, which lies across gravity (across y without gravity), azimuth from the
     direction to the target. Of a direction that passes the target several times, the first time counts. Raises UsageError
-    when the group is not one particle at a point that flies, and when the target is out of range.
+    when the group is not one particle or body at a point that flies, and when the target is out of range.
     """
     path = Path(scenario)
     range_ = FiringRange(read_source(path), parse_overrides(overrides), path.resolve().parent, group, target)
@@ -100,7 +100,10 @@ def _shot(range_: FiringRange, hit: Hit) -> Shot:
 def _unreachable(range_: FiringRange, group: str, nearest: float) -> UsageError:
     """Why nothing hits: a collider keeps the particle away, or it does not fly far enough."""
     world = World(range_.typical)
-    radius = float(next(state.radius[0] for state in world.states if state.name == group))
+    radius, what = float(next(state.radius[0] for state in world.states if state.name == group)), "one radius"
+    body = next((each for each in range_.typical.bodies if each.name == group), None)
+    if body is not None and body.shape.type != "sphere":
+        radius, what = body.shape.reach(), "or less, as it is turned"
     there = Particle(*range_.target.tolist(), *[0.0] * 7)
     for collider in range_.typical.all_colliders:
         if not held_back(collider, (group,)):
@@ -113,7 +116,7 @@ def _unreachable(range_: FiringRange, group: str, nearest: float) -> UsageError:
             where = ",".join(f"{part:.4g}" for part in clear)
             return UsageError(
                 f"the target is {free:.6g} m from a {collider.kind}, which keeps the centre of {group!r} {radius:.6g} m "
-                "off, one radius",
+                f"off, {what}",
                 f"Aim at a point above it, such as --target {where}",
             )
     return UsageError(

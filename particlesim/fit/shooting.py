@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.bodies import Bodies
 from particlesim.engine.simulation import Simulation
 from particlesim.errors import UsageError
 from particlesim.fit.predict import hermite
@@ -56,7 +57,8 @@ class Hit:
 class FiringRange:
     """A launch point, a target, and runs between them.
 
-    Raises UsageError when the group is not one particle at a point that flies, or the target is no point apart from it.
+    Raises UsageError when the group is not one particle or body at a point that flies, or the target is no point apart
+    from it.
     """
 
     def __init__(
@@ -67,7 +69,11 @@ class FiringRange:
             raise UsageError("the target is not three finite numbers", "For example: --target 40,0,0")
         self.target = np.array(target, dtype=float)
         self.typical = scenario_of(source, settings, folder)
-        position, velocity = (np.array(each[0], dtype=float) for each in self._points())
+        aimed = self._group()
+        position, velocity = (np.array(each[0], dtype=float) for each in _points(aimed))
+        # Where a scenario has the velocity: a body has one of its own, unless a layout says where it is
+        self._alone = isinstance(aimed, Bodies) and aimed.velocity is not None
+        self._key = f"{aimed.kind}.{group}.{'' if self._alone else 'layout.'}velocity"
         self.speed = float(np.linalg.norm(velocity))
         if self.speed == 0:
             raise UsageError(f"{group!r} is launched without speed", "Its velocity says how fast it goes.")
@@ -84,7 +90,8 @@ class FiringRange:
         self.ahead = level / np.linalg.norm(level)
         self.left = np.cross(self.up, self.ahead)
 
-    def _points(self) -> tuple[Any, Any]:
+    def _group(self) -> Particles:
+        """The group that is aimed."""
         names = [group.name for group in self.typical.groups]
         if self._name not in names:
             raise UsageError(
@@ -98,11 +105,12 @@ class FiringRange:
             or len(group.layout.position) != 1
         ):
             raise UsageError(
-                f"{self._name!r} is not one particle at a point", 'It needs layout = { type = "points" }.'
+                f"{self._name!r} is not one {'body' if isinstance(group, Bodies) else 'particle'} at a point",
+                'It needs layout = { type = "points" }.',
             )
         if group.dynamics.type != "second_order" or group.pinned:
             raise UsageError(f"{self._name!r} does not fly: it has no inertia, or is pinned")
-        return group.layout.position, group.layout.velocity or ((0.0, 0.0, 0.0),)
+        return group
 
     def upright(self, angle: float) -> Floats:
         """The direction at an angle from ahead, over up: a unit vector."""
@@ -110,10 +118,9 @@ class FiringRange:
 
     def scenario(self, direction: Floats) -> Scenario:
         """The scenario with that launch."""
-        key, velocity = f"particles.{self._name}.layout.velocity", (self.speed * direction).tolist()
-        return scenario_of(
-            self._source, (*self._settings, *overrides_from_mapping({key: [velocity]})), self._folder
-        )
+        velocity = (self.speed * direction).tolist()
+        launch = overrides_from_mapping({self._key: velocity if self._alone else [velocity]})
+        return scenario_of(self._source, (*self._settings, *launch), self._folder)
 
     def fly(self, direction: Floats, steps: Sequence[int]) -> tuple[Floats, Floats]:
         """Times [s] and states [n, 6] at steps of the run in order, until the particle is gone."""
@@ -174,6 +181,12 @@ class FiringRange:
             direction = _turned(direction, step[0] * across[0] + step[1] * across[1])
             time = min(max(time + float(np.clip(step[2], -0.1 * longest, 0.1 * longest)), 0.0), longest)
         return None
+
+
+def _points(group: Particles) -> tuple[Any, Any]:
+    """The places and velocities of a group at points."""
+    assert isinstance(group.layout, Points)
+    return group.layout.position, group.layout.velocity or ((0.0, 0.0, 0.0),)
 
 
 class Flights:

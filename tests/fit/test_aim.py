@@ -146,3 +146,56 @@ def test_out_of_range(ball):
 def test_what_cannot_be_aimed(ball, group, target, overrides, words):
     with pytest.raises(UsageError, match=words):
         aim(ball, group, target, overrides=overrides)
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "position = [0, 0, 0]\nvelocity = [15, 0, 0]",
+        'layout = { type = "points", position = [[0, 0, 0]], velocity = [[15, 0, 0]] }',
+    ],
+    ids=["position", "layout"],
+)
+def test_a_body_is_aimed_as_a_particle(ball, place):
+    # tan θ = (v² ± √(v⁴ − g (g d² + 2 v² y)))/(g d), d the distance over ground
+    text = ball.read_text()
+    begin, end = text.index("[[particles]]"), text.index("[[forces]]")
+    shape = '[[bodies]]\nname = "ball"\nshape = { type = "box", size = [0.1, 0.2, 0.3] }\n'
+    ball.write_text(text[:begin] + shape + place + "\n" + text[end:])
+    found = aim(ball, "ball", (8.0, 3.0, 6.0))
+    root = math.sqrt(SPEED**4 - 10 * (10 * 100 + 2 * SPEED**2 * 3))
+    angles = [math.degrees(math.atan((SPEED**2 + sign * root) / 100)) for sign in (-1, 1)]
+    assert [shot.elevation for shot in found.shots] == pytest.approx(angles, abs=1e-6)
+    for shot in found.shots:
+        assert shot.scenario.bodies[0].layout.velocity[0] == pytest.approx(shot.velocity)
+
+
+def test_bodies_are_not_aimed_together(ball):
+    text = ball.read_text()
+    begin, end = text.index("[[particles]]"), text.index("[[forces]]")
+    two = """
+        [[bodies]]
+        name = "ball"
+        shape = { type = "sphere", radius = 0.1 }
+        layout = { type = "points", position = [[0, 0, 0], [1, 0, 0]], velocity = [[15, 0, 0]] }
+    """
+    ball.write_text(text[:begin] + two + text[end:])
+    with pytest.raises(UsageError, match="not one body"):
+        aim(ball, "ball", (8.0, 3.0, 6.0))
+
+
+def test_a_target_that_a_plane_keeps_a_body_away_from(ball):
+    # the corners of a cube are √3/2 of its side away from its centre
+    text = ball.read_text()
+    begin, end = text.index("[[particles]]"), text.index("[[forces]]")
+    cube = """
+        [[planes]]
+        point = [0, -1, 0]
+        [[bodies]]
+        name = "ball"
+        shape = { type = "box", size = [0.2, 0.2, 0.2] }
+        velocity = [15, 0, 0]
+    """
+    ball.write_text(text[:begin] + cube + text[end:])
+    with pytest.raises(UsageError, match=r"'ball' 0\.173205 m off, or less, as it is turned"):
+        aim(ball, "ball", (8.0, -0.96, 0.0))
