@@ -11,6 +11,9 @@ is 2/7 u/(w₁ + w₂) where spheres just touch; its torque turns both. So momen
 never grows, pair by pair. An approach as slow as forces bring about within two steps counts as rest, with e = 0. Colliders
 on which particles lie take part in the iteration, so that a particle on the floor holds one on top of it.
 
+Where turns do not settle, clusters with few pairs are solved at once (`at_once`), as at rest, and the friction that goes
+with those impulses is given after them.
+
 Then positions: overlaps are halved some times, by displacements in inverse proportion to the masses, which leave velocities
 as they are. A pair is moved apart by at most `GENTLY` of its smaller radius in a step, so that particles that overlap at the
 start do not fly apart.
@@ -26,47 +29,66 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from particlesim.colliders.bounds import BoundsRecord
-from particlesim.colliders.moving import MovingRecord, carried, frame_at, surface_velocity
-from particlesim.colliders.response import ResponseRecord, put_back, rebound
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
+from particlesim.engine.interactions.at_once import (
+    FIRST,
+    FOUND,
+    GIVEN,
+    NUMBER,
+    RATE,
+    SCALE,
+    SECOND,
+    Desk,
+    choose,
+    find,
+    new_desk,
+    rates,
+)
 from particlesim.engine.interactions.contacts import hold_stuck, with_masses
+from particlesim.engine.interactions.impulse_walls import (
+    COUNT,
+    LOST,
+    REST,
+    colliders_of,
+    push_off_walls,
+    put_on_walls,
+    rub_walls,
+    watch_walls,
+)
 from particlesim.engine.interactions.interaction import Floats, Site
 from particlesim.engine.interactions.lifting import book, lifted, stored
 from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near_pairs_of
 from particlesim.engine.interactions.neighbours.record import Neighbours, enlarged, forget
 from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.interactions.pressing import cross
-from particlesim.engine.interactions.touching import touching
-from particlesim.engine.state.columns import fetch, held, type_of
-from particlesim.engine.step.contacts import Simple
-from particlesim.engine.step.rubbing import rub
+from particlesim.engine.interactions.touching import line_between, touching
+from particlesim.engine.state.columns import type_of
 from particlesim.interactions import PairSet
-from particlesim.laws.registry import PASS, gap_and_normal, moved_to
 
 PAIRS = 8
 """Pairs per particle to have room for at first; twice what dense packings of equal spheres have."""
 MOST_TURNS = 60
-"""Turns through all pairs in a step at most; what still approaches then goes on in the next."""
+"""Turns through all pairs in a step at most; what still approaches then is solved at once, or goes on in the next."""
 SETTLED = 1e-3
 """Approaches that turns end with, as a part of the largest that forces have brought about in the step."""
-REST = 2.0
-"""Steps in which forces bring about an approach that counts as rest."""
+MOST_ROUNDS = 2
+"""Rounds of impulses found at once and their friction, each of which changes what the other needs."""
+DONE = -1.0
+"""In place of what a pair has been given: that it has been moved apart."""
+SLACK, ROUGHLY = 1e-4, 1e-3
+"""Overlap, as a part of the smaller radius, that contacts at rest keep; how exactly displacements are found at once."""
 TURNS_APART = 4
 """Turns in which overlaps are made smaller."""
 GENTLY = 0.02
 """Part of the smaller radius by which a pair is moved apart in a step at most."""
-NEAR_WALL, ON_WALL = 0.1, 1e-4
-"""Gaps to a collider, as parts of the radius, below which a particle is watched, and below which it lies on it."""
-COUNT, LOST = range(2)
-"""In `report`: how many pairs there are, and whether some found no room."""
 
 
 class Bench(NamedTuple):
     """Room to work in: rows of pairs [2, room]; normal, least speed of an impact that rebounds, and s [5, room]; what to add
-    to the difference of their places for the nearest image [3, room] [m]; rows of particles at colliders [n], normals there
-    and such speeds [4, n], and where those at each collider of each group end; which particles are in a pair [n]."""
+    to the difference of their places for the nearest image [3, room] [m]; rows of particles at colliders [n]; normals there,
+    such speeds, and how fast the collider moves along the normal [5, n]; where those at each collider of each group end;
+    which particles are in a pair [n]; a desk for impulses that are found at once."""
 
     rows: Any
     normal: Any
@@ -75,6 +97,7 @@ class Bench(NamedTuple):
     wall_normal: Any
     ends: Any
     mark: Any
+    desk: Desk
 
 
 class ImpulseColumns(NamedTuple):
@@ -121,7 +144,8 @@ class Impulses(NearLists, ImpulseColumns):
         if self.report[LOST]:
             self.report[LOST] = 0
             room = 2 * bench.rows.shape[1]
-            bench = new_bench(room, bench.wall.size, bench.ends.size, bench.mark.size, bench.normal.dtype)
+            particles = bench.desk.change.shape[1]
+            bench = new_bench(room, bench.wall.size, bench.ends.size, particles, bench.normal.dtype)
         if near is self.near and bench is self.bench:
             return self
         return self._replace(near=near, bench=bench)
@@ -180,23 +204,14 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
             going = worst > calm
             turn += 1
         low = stored(parts, c, each.bench.mark, t)
+        if going & (each.law.restitution < 1):
+            rest_at_once(each, parts, c, t, calm)
         for _ in range(TURNS_APART):
             move_apart(each, c)
             put_on_walls(each, parts, c, t)
         # not what steps take away from overlaps, and forces bring back
         most = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
         book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), most))
-
-
-def line_between(c: Any, i: Any, j: Any, shift: Any, k: Any) -> Any:
-    """From particle j to particle i of pair k: the unit vector, along x for coincident centres, and the distance."""
-    x = c.x[i] - c.x[j] + shift[0, k]
-    y = c.y[i] - c.y[j] + shift[1, k]
-    z = c.z[i] - c.z[j] + shift[2, k]
-    r = np.sqrt(x * x + y * y + z * z)
-    one, apart = type_of(r, 1), r > 0
-    by = one / (r if apart else one)
-    return by * x if apart else -one, by * y, by * z, r
 
 
 @outlined
@@ -223,6 +238,7 @@ def look_at(each: Any, c: Any, before: Any) -> Any:
         )
         change = abs(now - then)
         bench.normal[3, k] = type_of(change, REST) * change
+        bench.desk.contacts[GIVEN, k] = 0
         most = max(most, change)
     return type_of(most, SETTLED) * most
 
@@ -246,26 +262,37 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
             lively = (approach > least) | (each.law.restitution >= 1)
             bounce = one + each.law.restitution if lively else one
             change = bounce * approach
+            bench.desk.contacts[GIVEN, k] = 0 if lively else bench.desk.contacts[GIVEN, k] + change
             dx, dy, dz = change * x, change * y, change * z
             if friction is not None:
-                sx, sy, sz = vx + approach * x, vy + approach * y, vz + approach * z
-                share = one
-                if c.spin is not None:
-                    arm = bench.normal[4, k]
-                    tx, ty, tz = cross(turning(c, i, j), (x, y, z))
-                    sx, sy, sz = sx - arm * tx, sy - arm * ty, sz - arm * tz
-                    share = one / (one + type_of(arm, 2.5) * arm * arm)
-                slip = np.sqrt(sx * sx + sy * sy + sz * sz)
-                holds = share * slip <= friction.static * change
-                part = share if holds else min(friction.kinetic * change / slip, share)
+                slide = (vx + approach * x, vy + approach * y, vz + approach * z)
+                part, sx, sy, sz = rub_pair(each, c, k, slide, change)
                 dx, dy, dz = dx - part * sx, dy - part * sy, dz - part * sz
-                if c.spin is not None:
-                    turn = cross((x, y, z), (part / both * sx, part / both * sy, part / both * sz))
-                    spin_up(c, i, arm * wi, turn)
-                    spin_up(c, j, arm * wj, turn)
             give(c, i, wi / both, dx, dy, dz)
             give(c, j, -wj / both, dx, dy, dz)
     return worst
+
+
+def rub_pair(each: Any, c: Any, k: Any, slide: Any, change: Any) -> Any:
+    """Turn both of pair k by the friction of an impulse that changes their speed along the normal by `change`; `slide` is
+    the difference of their velocities across it. Returns the part of sliding that ends, and how they slide."""
+    bench, friction = each.bench, each.law.friction
+    i, j, (sx, sy, sz), share = bench.rows[0, k], bench.rows[1, k], slide, type_of(change, 1)
+    n = (bench.normal[0, k], bench.normal[1, k], bench.normal[2, k])
+    if c.spin is not None:
+        arm = bench.normal[4, k]
+        tx, ty, tz = cross(turning(c, i, j), n)
+        sx, sy, sz = sx - arm * tx, sy - arm * ty, sz - arm * tz
+        share = type_of(change, 1) / (type_of(change, 1) + type_of(arm, 2.5) * arm * arm)
+    slip = np.sqrt(sx * sx + sy * sy + sz * sz)
+    holds = share * slip <= friction.static * change
+    part = share if holds else min(friction.kinetic * change / slip, share)
+    if c.spin is not None:
+        both = each.a[i] + each.a[j]
+        turn = cross(n, (part / both * sx, part / both * sy, part / both * sz))
+        spin_up(c, i, arm * each.a[i], turn)
+        spin_up(c, j, arm * each.a[j], turn)
+    return part, sx, sy, sz
 
 
 def turning(c: Any, i: Any, j: Any) -> Any:
@@ -291,6 +318,138 @@ def give(c: Any, i: Any, part: Any, x: Any, y: Any, z: Any) -> None:
         c.memory[-1][i] = 0
 
 
+# What turns do not find
+
+
+@outlined
+def rest_at_once(each: Any, parts: Any, c: Any, t: Any, calm: Any) -> None:
+    """Impulses of clusters with few pairs at once, as at rest, and the friction that goes with them; then displacements."""
+    bench, pairs = each.bench, each.report[COUNT]
+    walls = wall_rows(each, parts)
+    chosen = choose(bench, each.a, c, pairs, walls, calm)
+    if chosen.pairs > 0:
+        k = 0
+        while k < (1 if each.law.friction is None else MOST_ROUNDS):
+            rates(bench, c, chosen, pairs)
+            find(bench.desk, each.a, chosen, float(calm))
+            push_pairs(each, c, pairs)
+            push_from_walls(each, c, pairs, walls)
+            rub_walls(each, parts, c, t)
+            if each.law.friction is not None:
+                rub_pairs(each, c, pairs)
+            k += 1
+        farthest = begin_apart(each, c, chosen)
+        find(bench.desk, each.a, chosen, ROUGHLY * farthest)
+        shift_pairs(each, c, pairs)
+        shift_from_walls(each, c, pairs, walls)
+        put_on_walls(each, parts, c, t)
+        for k in range(chosen.pairs):
+            bench.desk.contacts[GIVEN, bench.desk.of[NUMBER, k]] = DONE
+
+
+@outlined
+def begin_apart(each: Any, c: Any, chosen: Any) -> Any:
+    """Ask for displacements that halve what of overlaps is more than a slack, or as much as may be in a step; returns the
+    most that is asked for [m]. The slack lets contacts be found in the next step, too."""
+    bench, row, of, r, most = each.bench, each.bench.desk.contacts, each.bench.desk.of, c.r, 0.0
+    for k in range(chosen.pairs + chosen.walls):
+        row[RATE, k] = row[GIVEN, of[NUMBER, k]] = 0.0
+    for k in range(chosen.pairs):
+        i, j = of[FIRST, k], of[SECOND, k]
+        least = min(r[i], r[j])
+        _, _, _, apart = line_between(c, i, j, bench.shift, of[NUMBER, k])
+        overlap = r[i] + r[j] - apart - type_of(apart, SLACK) * least
+        if overlap > 0:
+            by = float(min(type_of(apart, 0.5) * overlap, type_of(apart, GENTLY) * least))
+            row[RATE, k] = -row[SCALE, k] * by
+            most = max(most, by)
+    return most
+
+
+def wall_rows(each: Any, parts: Any) -> Any:
+    """How many particles are at colliders."""
+    end, k = each.bench.ends[0] - each.bench.ends[0], 0
+    for part in parts:
+        for _ in colliders_of(part):
+            end = each.bench.ends[k]
+            k += 1
+    return end
+
+
+@outlined
+def push_pairs(each: Any, c: Any, pairs: Any) -> None:
+    """Give all pairs the impulses that have been found."""
+    bench = each.bench
+    for k in range(pairs):
+        i, j = bench.rows[0, k], bench.rows[1, k]
+        change = type_of(c.x[0], bench.desk.contacts[FOUND, k])
+        if change != 0:
+            both = each.a[i] + each.a[j]
+            dx, dy, dz = (
+                change * bench.normal[0, k],
+                change * bench.normal[1, k],
+                change * bench.normal[2, k],
+            )
+            give(c, i, each.a[i] / both, dx, dy, dz)
+            give(c, j, -each.a[j] / both, dx, dy, dz)
+
+
+@outlined
+def push_from_walls(each: Any, c: Any, pairs: Any, walls: Any) -> None:
+    """Give all particles at walls the impulses that have been found."""
+    bench = each.bench
+    for q in range(walls):
+        change = type_of(c.x[0], bench.desk.contacts[FOUND, pairs + q])
+        if change != 0:
+            n = bench.wall_normal
+            give(c, bench.wall[q], change, n[0, q], n[1, q], n[2, q])
+
+
+@outlined
+def shift_pairs(each: Any, c: Any, pairs: Any) -> None:
+    """Displace all pairs as has been found."""
+    bench = each.bench
+    for k in range(pairs):
+        i, j, by = bench.rows[0, k], bench.rows[1, k], type_of(c.x[0], bench.desk.contacts[FOUND, k])
+        if by != 0:
+            both = each.a[i] + each.a[j]
+            shift(c, i, by * each.a[i] / both, bench.normal, k)
+            shift(c, j, -by * each.a[j] / both, bench.normal, k)
+
+
+@outlined
+def shift_from_walls(each: Any, c: Any, pairs: Any, walls: Any) -> None:
+    """Displace all particles at walls as has been found."""
+    bench = each.bench
+    for q in range(walls):
+        by = type_of(c.x[0], bench.desk.contacts[FOUND, pairs + q])
+        if by != 0:
+            shift(c, bench.wall[q], by, bench.wall_normal, q)
+
+
+def shift(c: Any, i: Any, by: Any, normal: Any, k: Any) -> None:
+    """Move a particle along a normal."""
+    c.x[i] += by * normal[0, k]
+    c.y[i] += by * normal[1, k]
+    c.z[i] += by * normal[2, k]
+
+
+@outlined
+def rub_pairs(each: Any, c: Any, pairs: Any) -> None:
+    """Friction of all pairs that have got impulses."""
+    bench = each.bench
+    for k in range(pairs):
+        i, j = bench.rows[0, k], bench.rows[1, k]
+        change = type_of(c.x[0], bench.desk.contacts[FOUND, k])
+        if change > 0:
+            x, y, z = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
+            vx, vy, vz = c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j]
+            rate, both = vx * x + vy * y + vz * z, each.a[i] + each.a[j]
+            part, sx, sy, sz = rub_pair(each, c, k, (vx - rate * x, vy - rate * y, vz - rate * z), change)
+            give(c, i, -part * each.a[i] / both, sx, sy, sz)
+            give(c, j, part * each.a[j] / both, sx, sy, sz)
+
+
 @outlined
 def move_apart(each: Any, c: Any) -> None:
     """Make overlaps smaller by a half, or as much as may be in a step."""
@@ -301,7 +460,7 @@ def move_apart(each: Any, c: Any) -> None:
         both = wi + wj
         x, y, z, apart = line_between(c, i, j, bench.shift, k)
         overlap = r[i] + r[j] - apart
-        if (overlap > 0) & (both > 0):
+        if (overlap > 0) & (both > 0) & (bench.desk.contacts[GIVEN, k] != DONE):
             by = (
                 min(type_of(apart, 0.5) * overlap, type_of(apart, GENTLY / TURNS_APART) * min(r[i], r[j]))
                 / both
@@ -314,135 +473,17 @@ def move_apart(each: Any, c: Any) -> None:
             c.z[j] -= by * wj * z
 
 
-# Colliders that particles lie on
-
-
-def colliders_of(part: Any) -> Any:
-    """All colliders of a group that have a surface."""
-    if len(part.rubbing) > 0:
-        return part.rubbing
-    contacts = part.contacts
-    found = contacts.colliders if isinstance(contacts, Simple) else contacts.continuous + contacts.discrete
-    return tuple(c for c in found if not isinstance(c.shape, BoundsRecord))
-
-
-def whole(n: Any, like: Any) -> Any:
-    """A normal without components that are left out."""
-    return tuple(type_of(like, 0) if axis is None else axis for axis in n)
-
-
-def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any) -> None:
-    """List particles that are near a collider, collider after collider."""
-    end, k = 0, 0
-    for part in parts:
-        for collider in colliders_of(part):
-            end = watch_wall(each, collider, c, before, t, part.first, part.last, end)
-            each.bench.ends[k] = end
-            k += 1
-
-
-@outlined
-def watch_wall(each: Any, collider: Any, c: Any, before: Any, t: Any, first: Any, last: Any, end: Any) -> Any:
-    """List those of particles [first, last) that are near a collider; returns the end of the list."""
-    bench = each.bench
-    for i in range(first, last):
-        if (each.near.place[i] >= 0) & (each.a[i] > 0) & (end < bench.wall.size):  # noqa: SIM102
-            if (not held(c.clock, i)) & (collider.response.outcome == PASS):
-                p = fetch(c, i, t)
-                g, n = gap_and_normal(collider.shape, p)
-                if g < type_of(g, NEAR_WALL) * p.r:
-                    x, y, z = whole(n, g)
-                    dx, dy, dz = p.vx - before[3, i], p.vy - before[4, i], p.vz - before[5, i]
-                    bench.wall[end] = i
-                    bench.wall_normal[0, end] = x
-                    bench.wall_normal[1, end] = y
-                    bench.wall_normal[2, end] = z
-                    lies = g < type_of(g, ON_WALL) * p.r
-                    least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
-                    bench.wall_normal[3, end] = least if lies else type_of(g, -1)
-                    end += 1
-    return end
-
-
-def push_off_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
-    """Velocities of particles that lie on colliders and are pressed into them."""
-    begin, k = 0, 0
-    for part in parts:
-        for collider in colliders_of(part):
-            push_off_wall(each, collider, c, begin, each.bench.ends[k], t)
-            begin = each.bench.ends[k]
-            k += 1
-
-
-def beside(collider: Any, p: Any) -> Any:
-    """A particle with its velocity relative to a collider where it is, along the axes of the world."""
-    if not isinstance(collider.shape, MovingRecord):
-        return p
-    x, y, z = surface_velocity(collider.shape, frame_at(collider.shape, p.t, p.x), p.x, p.y, p.z)
-    return moved_to(p, p.x, p.y, p.z, p.vx - x, p.vy - y, p.vz - z, p.t)
-
-
-@outlined
-def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any) -> None:
-    """`push_off_walls` for particles [begin, end) of the list."""
-    bench, response = each.bench, collider.response
-    for k in range(begin, end):
-        i, least = bench.wall[k], bench.wall_normal[3, k]
-        n = (bench.wall_normal[0, k], bench.wall_normal[1, k], bench.wall_normal[2, k])
-        p = fetch(c, i, t)
-        q = beside(collider, p)
-        rate = q.vx * n[0] + q.vy * n[1] + q.vz * n[2]
-        if (least >= 0) & (rate < 0):
-            one, none = type_of(rate, 1), type_of(rate, 0)
-            bounce = response.bounce if (-rate > least) | (response.bounce >= 2) else one
-            friction = None if c.spin is not None else response.friction
-            belt = None if c.spin is not None else carried(collider.shape, response.belt, p.t, p.x)
-            once = ResponseRecord(bounce, none, one, PASS, friction, response.falling, belt)
-            vx, vy, vz = rebound(once, n, rate, q)
-            if isinstance(collider.shape, MovingRecord):
-                vx, vy, vz = vx + (p.vx - q.vx), vy + (p.vy - q.vy), vz + (p.vz - q.vz)
-            if c.spin is not None and response.friction is not None:
-                push = (vx - p.vx) * n[0] + (vy - p.vy) * n[1] + (vz - p.vz) * n[2]
-                dx, dy, dz = rub(collider, c, i, moved_to(p, p.x, p.y, p.z, vx, vy, vz, p.t), n, push)
-                vx, vy, vz = vx + dx, vy + dy, vz + dz
-            c.vx[i], c.vy[i], c.vz[i] = vx, vy, vz
-            if len(c.memory) > 0:
-                c.memory[-1][i] = 0
-
-
-def put_on_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
-    """Particles that have been moved into colliders go back to their surface."""
-    begin, k = 0, 0
-    for part in parts:
-        for collider in colliders_of(part):
-            put_on_wall(each, collider, c, begin, each.bench.ends[k], t)
-            begin = each.bench.ends[k]
-            k += 1
-
-
-@outlined
-def put_on_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any) -> None:
-    """`put_on_walls` for particles [begin, end) of the list."""
-    bench = each.bench
-    for k in range(begin, end):
-        i = bench.wall[k]
-        p = fetch(c, i, t)
-        g, n = gap_and_normal(collider.shape, p)
-        if g < 0:
-            x, y, z = put_back(collider.shape, p, g, whole(n, g))
-            c.x[i], c.y[i], c.z[i] = x, y, z
-
-
-def new_bench(room: int, walls: int, colliders: int, count: int, dtype: Any) -> Bench:
-    """Room for some pairs, for particles at colliders, for the ends of their lists, and for marks of all particles."""
+def new_bench(room: int, walls: int, colliders: int, particles: int, dtype: Any) -> Bench:
+    """Room for some pairs, for particles at colliders, and for the ends of their lists, among some particles."""
     return Bench(
         np.zeros((2, room), np.int64),
         np.zeros((5, room), dtype),
         np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),
-        np.zeros((4, walls), dtype),
+        np.zeros((5, walls), dtype),
         np.zeros(colliders, np.int64),
-        np.zeros(count, np.int8),
+        np.zeros(particles, np.int8),
+        new_desk(room + walls, particles),
     )
 
 
@@ -450,11 +491,6 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     """Hard contacts among the particles of an island."""
     found = with_masses(site, near_pairs_of(site, pairs))
     count, colliders = site.whole.count, len(site.scenario.all_colliders)
-    bench = new_bench(
-        PAIRS * count + 64,
-        min(colliders, 3) * count + 64,
-        colliders * len(site.state) + 1,
-        count,
-        site.dtype,
-    )
+    walls, ends = min(colliders, 3) * count + 64, colliders * len(site.state) + 1
+    bench = new_bench(PAIRS * count + 64, walls, ends, count, site.dtype)
     return Impulses(*found, bench, np.zeros(2, np.int64), np.zeros(1))

@@ -94,3 +94,14 @@ def _look_at(each: Any, g: Any, entries: Any, first: Any, last: Any, sink: Any, 
             for i in range(GROUP):
                 if depth[i] > 0:
                     type(sink).take(sink, each, rows[i], row, i, pair_of(lane(block, i), other, t))
+
+
+def line_between(c: Any, i: Any, j: Any, shift: Any, k: Any) -> Any:
+    """From particle j to particle i of pair k: the unit vector, along x for coincident centres, and the distance."""
+    x = c.x[i] - c.x[j] + shift[0, k]
+    y = c.y[i] - c.y[j] + shift[1, k]
+    z = c.z[i] - c.z[j] + shift[2, k]
+    r = np.sqrt(x * x + y * y + z * z)
+    one, apart = type_of(r, 1), r > 0
+    by = one / (r if apart else one)
+    return by * x if apart else -one, by * y, by * z, r
