@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from particlesim.emitters import Emitter
 from particlesim.engine.diagnosis.overlaps import overlaps
 from particlesim.engine.diagnosis.post_mortem import ran_away
+from particlesim.engine.diagnosis.sunk import sunk
 from particlesim.engine.gain import Account, Gain, drift_of, jitter
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.shadow import swing, swings
@@ -162,8 +163,9 @@ class Guard:
         return True
 
     def warnings(self, world: World) -> tuple[str, ...]:
-        """A sentence for every island whose energy has swung by more than a tenth, though its steps are stable."""
-        found = []
+        """A sentence for every island whose energy has swung by more than a tenth, though its steps are stable; and for hard
+        grains that have sunk into each other."""
+        found = list(sunk(world))
         for number, (part, island) in enumerate(zip(self._swung, world.islands, strict=True)):
             if part > MOST_GAIN:
                 names = " and ".join(repr(state.name) for state in island.states)

@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 from simulate import G, points, table
 
 import particlesim as ps
+from particlesim.engine.diagnosis.sunk import sunk
 from particlesim.engine.interactions import at_once
 from particlesim.engine.interactions.at_once import FIRST, GIVEN, NUMBER, RATE, SCALE, SECOND, Chosen, X, Z
 from particlesim.engine.interactions.impulses import SETTLED, SLACK
@@ -122,6 +123,49 @@ def test_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: pytest.M
     other.advance_to(200)
     assert one.states[0].x.tobytes() == other.states[0].x.tobytes()
     assert one.states[0].v.tobytes() == other.states[0].v.tobytes()
+
+
+def test_what_has_sunk_is_told() -> None:
+    # Deeper than a tenth of a radius, and not by what it moves in ten steps: 0.2 R, at less than 2 m/s.
+    def told(speed: float, e: float = 0.0, apart: float = 1.8 * R) -> list[str]:
+        scenario = upright(2, law={"restitution": e})
+        scenario["particles"][0]["layout"]["position"][1][1] = R + apart
+        scenario["particles"][0]["layout"]["velocity"][1][1] = speed
+        simulation = Simulation(ps.from_table(scenario), threads=1)
+        found = list(sunk(simulation))
+        simulation.close()
+        return found
+
+    (text,) = told(-1.0)
+    assert text.startswith("1 pair of contact has sunk into each other, by up to 0.02 m: 60 turns")
+    assert "smaller dt, such as 0.00025 s" in text
+    assert not told(-2.1)
+    assert not told(-1.0, e=1.0)
+    assert not told(-1.0, apart=1.91 * R)
+    assert not told(0.0)  # as if both were pinned
+
+
+def test_deep_heaps_tell_that_they_sink_and_columns_do_not() -> None:
+    rng = np.random.default_rng(3)
+    cells = np.stack(np.meshgrid(*map(np.arange, (4, 24, 4)), indexing="ij"), axis=-1).reshape(-1, 3)
+    places = (cells + 0.5) * 2.2 * R + rng.uniform(-0.05, 0.05, cells.shape) * R
+    planes = [{"restitution": 0}]
+    for axis in (0, 2):
+        for side in (1, -1):
+            normal = [0, 0, 0]
+            normal[axis] = side
+            point = [0.0 if side > 0 else 8.8 * R] * 3
+            planes.append({"restitution": 0, "normal": normal, "point": point})
+    heap = table(
+        2.0,
+        DT,
+        particles=[points(*places.tolist(), velocity=[(0.0, 0.0, 0.0)] * len(places), mass=1.0, radius=R)],
+        forces=[{"type": "gravity"}],
+        interactions=[{"type": "contact", "restitution": 0}],
+        planes=planes,
+    )
+    assert any("sunk" in text for text in ps.run(ps.from_table(heap)).warnings)
+    assert not any("sunk" in text for text in ps.run(ps.from_table(upright(30))).warnings)
 
 
 # The solution
