@@ -208,9 +208,9 @@ class CoupledIsland(BaseIsland):
 
     @property
     def makes_laps(self) -> bool:
-        return (
-            not self._changes and self.books is None and not self._method.adaptive and in_order(self.layout)
-        )
+        # what is not in checkpoints is forgotten where a run may be resumed, which laps must not depend on
+        goes_on = not self._changes and all(each.resumes for each in self.interactions)
+        return goes_on and self.books is None and not self._method.adaptive and in_order(self.layout)
 
     def _move(self, first: int, last: int, team: Team, laps: Laps | None = None) -> Fault | None:
         """Steps first … last − 1 of the particles that there are."""
