@@ -25,6 +25,8 @@ from particlesim.laws.pair import Pair
 
 BATCH = 64
 """Pairs that are tested, gathered and worked out together."""
+AT_ONCE = 4
+"""Pairs of the next batch that are asked for with eight contacts."""
 GAP = 1e-9
 """Part of the radii by which centres that coincide count as apart, along x, away from the one with the larger row."""
 PLACE, MOTION, TURN, ANGLE = 0, 4, 8, 12
@@ -150,13 +152,6 @@ def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted:
     begin = lists.begin[first // GROUP]
     end, total = lists.begin[last // GROUP - 1] + lists.count[last // GROUP - 1], 0.0
     for lo in range(begin, end, BATCH):
-        for e in range(lo + BATCH, min(lo + 2 * BATCH, end)):
-            q = lists.second[e] & (MOST - 1)
-            prefetch(rows, q, PLACE)
-            if each.turns is not None:
-                prefetch(rows, q, TURN)
-            if memory is not None:
-                prefetch(memory.anchor, e, 0)
         count = 0
         for e in range(lo, min(lo + BATCH, end)):
             i, j = lists.first[e], lists.second[e]
@@ -179,11 +174,18 @@ def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted:
             if isinstance(what, Settle) and memory is not None:
                 memory.anchor[e, KNOWN] *= 1 if hit else 0  # APART, without a branch
         for k in range(count):
+            ask_for(each, lo + BATCH + k, end)
             gather(each, given, k, at[0, k], at[1, k], at[2, k], shifted)
+        asked = count
         for b in range((count + GROUP - 1) // GROUP):
+            for k in range(asked, min(asked + AT_ONCE, BATCH)):
+                ask_for(each, lo + BATCH + k, end)
+            asked += AT_ONCE
             part, out = part_of(given, GROUP * b), part_of(found, GROUP * b)
             for i in lanes(GROUP):
                 work_out(each, part, out, i, what)
+        for k in range(asked, BATCH):
+            ask_for(each, lo + BATCH + k, end)
         for k in range(count):
             i, q = at[1, k], at[2, k] & (MOST - 1)
             inside = (first <= q) & (q < last)
@@ -201,6 +203,18 @@ def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted:
                     for axis in lanes(QUAD):
                         memory.rolled[e, axis] = found.rolled[k, axis]
     return total
+
+
+def ask_for(each: Any, e: Any, end: Any) -> None:
+    """Have what pair e is about fetched into the cache. A core waits for lines that are not there when it has asked for some
+    tens of them, so those of the next batch are asked for a few at a time, between the contacts of this one."""
+    if e < end:
+        memory, q = each.lists.memory, each.lists.second[e] & (MOST - 1)
+        prefetch(each.rows, q, PLACE)
+        if each.turns is not None:
+            prefetch(each.rows, q, TURN)
+        if memory is not None:
+            prefetch(memory.anchor, e, 0)
 
 
 def gather(each: Any, given: Any, k: Any, e: Any, i: Any, j: Any, shifted: Any) -> None:

@@ -84,13 +84,13 @@ from particlesim.engine.interactions.neighbours.record import (
     with_lasting,
 )
 from particlesim.engine.interactions.pair_blocks import Block
-from particlesim.engine.state.columns import held, in_step
+from particlesim.engine.state.columns import held, in_step, motion
 from particlesim.engine.state.table import SPIN
 from particlesim.interactions import PairSet
 from particlesim.interactions.contact import JkrRecord, jumps
 
-AHEAD = 16
-"""Particles whose sums are asked for ahead."""
+AHEAD, LINE = 64, 8
+"""Particles whose sums are asked for ahead, and how many there are in a cache line of a column."""
 SPARE = 512
 """Pairs to have room for beyond those of each particle."""
 USES = 20, 100
@@ -162,7 +162,10 @@ class Contacts(NearLists, ContactColumns):
         place, pull = self.near.place, self.pull
         for i in range(first, last):
             k = place[i]
-            prefetch(pull, max(place[min(i + AHEAD, last - 1)], 0), 0)
+            prefetch(pull, max(place[min(i + AHEAD, place.size - 1)], 0), 0)
+            if i % LINE == 0:  # what moves next
+                for column in (*motion(c), c.m, c.r):
+                    prefetch(column, i)
             if k >= 0:
                 for axis in range(3):
                     total[axis, i - first] += pull[k, axis]

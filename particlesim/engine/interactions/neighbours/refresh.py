@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import outlined, shared
+from particlesim.compiler import outlined, prefetch, shared
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.neighbours.record import (
     BUILDS,
@@ -39,6 +39,19 @@ from particlesim.engine.interactions.neighbours.sort import over_slices, place_o
 from particlesim.engine.interactions.neighbours.tree import grow_tree
 from particlesim.engine.state.columns import presence, type_of
 
+AHEAD = 64
+"""Members that are asked for ahead."""
+
+
+def _ask_for(near: Any, c: Any, k: Any, carried: Any, quiet: Any) -> None:
+    """Have what `_gather` needs of the members at place k and after it fetched into the cache: processors that see streams
+    coming see some, and here are more."""
+    i = max(near.order[k], 0)
+    for column in (c.x, c.y, c.z, *[each for each, _ in (*carried, *quiet)]):
+        prefetch(column, i)
+    for axis in range(3):
+        prefetch(near.base, axis, k)
+
 
 @outlined
 def _gather(near: Any, c: Any, share: Any, t: Any, carried: Any, quiet: Any = ()) -> None:
@@ -56,6 +69,8 @@ def _gather(near: Any, c: Any, share: Any, t: Any, carried: Any, quiet: Any = ()
         changed = False
         for k in range(first, last):
             i = near.order[k]
+            if k % GROUP == 0:
+                _ask_for(near, c, min(k + AHEAD, last - 1), carried, quiet)
             if i >= 0:
                 x, y, z = c.x[i], c.y[i], c.z[i]
                 if near.wrap is not None:
