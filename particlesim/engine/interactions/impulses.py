@@ -15,8 +15,8 @@ Where turns do not settle, clusters with few pairs are solved at once (`at_once`
 with those impulses is given after them.
 
 Then positions: overlaps are halved some times, by displacements in inverse proportion to the masses, which leave velocities
-as they are. A pair is moved apart by at most `GENTLY` of its smaller radius in a step, so that particles that overlap at the
-start do not fly apart.
+as they are. A step makes an overlap smaller by at most `GENTLY` of the smaller radius, so that particles that overlap at the
+start do not fly apart; what the step has added to it goes whole, as turns do not carry the weight of a deep heap.
 
 Source: J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics (1988); E. Guendelman, R. Bridson,
 R. Fedkiw, ACM Trans. Graph. 22, 871 (2003), for impacts before contact.
@@ -62,7 +62,7 @@ from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near
 from particlesim.engine.interactions.neighbours.record import Neighbours, enlarged, forget
 from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.interactions.pressing import cross
-from particlesim.engine.interactions.touching import line_between, touching
+from particlesim.engine.interactions.touching import line_between, overlap_at, touching
 from particlesim.engine.state.columns import type_of
 from particlesim.interactions import PairSet
 
@@ -78,17 +78,17 @@ DONE = -1.0
 """In place of what a pair has been given: that it has been moved apart."""
 SLACK, ROUGHLY = 1e-4, 1e-3
 """Overlap, as a part of the smaller radius, that contacts at rest keep; how exactly displacements are found at once."""
-TURNS_APART = 4
-"""Turns in which overlaps are made smaller."""
-GENTLY = 0.02
-"""Part of the smaller radius by which a pair is moved apart in a step at most."""
+TURNS_APART, GENTLY, MUCH = (4, 20), 0.02, 0.005
+"""Turns in which overlaps are made smaller, at least, and at most; the part of the smaller radius by which a step makes one
+smaller; and the part above which turns go on."""
 
 
 class Bench(NamedTuple):
-    """Room to work in: rows of pairs [2, room]; normal, least speed of an impact that rebounds, and s [5, room]; what to add
-    to the difference of their places for the nearest image [3, room] [m]; rows of particles at colliders [n]; normals there,
-    such speeds, and how fast the collider moves along the normal [5, n]; where those at each collider of each group end;
-    which particles are in a pair [n]; a desk for impulses that are found at once."""
+    """Room to work in: rows of pairs [2, room]; normal, least speed of an impact that rebounds, s, and the overlap down to
+    which they are moved apart [6, room]; what to add to the difference of their places for the nearest image [3, room] [m];
+    rows of particles at colliders [n]; normals there, such speeds, and how fast the collider moves along the normal [5, n];
+    where those at each collider of each group end; which particles are in a pair [n]; a desk for impulses that are found at
+    once."""
 
     rows: Any
     normal: Any
@@ -206,9 +206,11 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         low = stored(parts, c, each.bench.mark, t)
         if going & (each.law.restitution < 1):
             rest_at_once(each, parts, c, t, calm)
-        for _ in range(TURNS_APART):
-            move_apart(each, c)
+        turn, going = 0, True
+        while (turn < TURNS_APART[0]) | (going & (turn < TURNS_APART[1])):
+            going = move_apart(each, c)
             put_on_walls(each, parts, c, t)
+            turn += 1
         # not what steps take away from overlaps, and forces bring back
         most = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
         book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), most))
@@ -230,6 +232,9 @@ def look_at(each: Any, c: Any, before: Any) -> Any:
         if c.spin is not None:
             bench.normal[4, k] = far / (c.r[i] + c.r[j])
         bench.normal[0, k], bench.normal[1, k], bench.normal[2, k] = x, y, z
+        began = overlap_at(c, (before[0], before[1], before[2]), i, j, bench.shift[:, k])
+        least = type_of(most, GENTLY) * min(c.r[i], c.r[j])
+        bench.normal[5, k] = max(min(began, c.r[i] + c.r[j] - far) - least, least - least)
         now = (c.vx[i] - c.vx[j]) * x + (c.vy[i] - c.vy[j]) * y + (c.vz[i] - c.vz[j]) * z
         then = (
             (before[3, i] - before[3, j]) * x
@@ -451,33 +456,32 @@ def rub_pairs(each: Any, c: Any, pairs: Any) -> None:
 
 
 @outlined
-def move_apart(each: Any, c: Any) -> None:
-    """Make overlaps smaller by a half, or as much as may be in a step."""
-    bench, r = each.bench, c.r
+def move_apart(each: Any, c: Any) -> bool:
+    """Make overlaps smaller by a half of what is to go of them in the step; returns whether that was much for some."""
+    bench, r, much = each.bench, c.r, False
     for k in range(each.report[COUNT]):
         i, j = bench.rows[0, k], bench.rows[1, k]
         wi, wj = each.a[i], each.a[j]
         both = wi + wj
         x, y, z, apart = line_between(c, i, j, bench.shift, k)
-        overlap = r[i] + r[j] - apart
+        overlap = r[i] + r[j] - apart - bench.normal[5, k]
         if (overlap > 0) & (both > 0) & (bench.desk.contacts[GIVEN, k] != DONE):
-            by = (
-                min(type_of(apart, 0.5) * overlap, type_of(apart, GENTLY / TURNS_APART) * min(r[i], r[j]))
-                / both
-            )
+            much = much | (overlap > type_of(apart, MUCH) * min(r[i], r[j]))
+            by = type_of(apart, 0.5) * overlap / both
             c.x[i] += by * wi * x
             c.y[i] += by * wi * y
             c.z[i] += by * wi * z
             c.x[j] -= by * wj * x
             c.y[j] -= by * wj * y
             c.z[j] -= by * wj * z
+    return much
 
 
 def new_bench(room: int, walls: int, colliders: int, particles: int, dtype: Any) -> Bench:
     """Room for some pairs, for particles at colliders, and for the ends of their lists, among some particles."""
     return Bench(
         np.zeros((2, room), np.int64),
-        np.zeros((5, room), dtype),
+        np.zeros((6, room), dtype),
         np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),
         np.zeros((5, walls), dtype),

@@ -105,3 +105,9 @@ def line_between(c: Any, i: Any, j: Any, shift: Any, k: Any) -> Any:
     one, apart = type_of(r, 1), r > 0
     by = one / (r if apart else one)
     return by * x if apart else -one, by * y, by * z, r
+
+
+def overlap_at(c: Any, places: Any, i: Any, j: Any, shift: Any) -> Any:
+    """How far two particles overlap at some places [m]; negative where they do not."""
+    dx, dy, dz = (x[i] - x[j] + shift[axis] for axis, x in enumerate(places))
+    return c.r[i] + c.r[j] - np.sqrt(dx * dx + dy * dy + dz * dz)
