@@ -8,9 +8,8 @@ back on the surface, and if it approaches (v·n < 0) its velocity becomes (impul
 with restitution e and tangential loss k. Nothing of it gains energy: |v'|² = e² v_n² + (1 − k)² v_t².
 
 Coulomb friction takes at most μ_k |j| more along the surface, and no more than there is: what slides at (1 − k) |v_t| before
-slides at max((1 − k) |v_t| − μ_k |j|/m, 0) after. The particle is a point that does not turn; how
-colliders rub spheres that turn is in `engine.interactions.impulses`. Where the surface runs along itself (`belt`), v_t is
-relative to it.
+slides at max((1 − k) |v_t| − μ_k |j|/m, 0) after. The particle is a point that does not turn; how colliders rub spheres that
+turn is in `engine.step.rubbing`. Where the surface runs along itself (`belt`), v_t is relative to it.
 
 A component of a normal that is None is always zero: it drops out of the compiled loop. A normal with two of them lies along
 an axis, and the response is exact.

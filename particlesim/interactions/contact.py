@@ -26,7 +26,7 @@ Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technol. 206, 269 (20
 dashpot); S. Luding, Granul. Matter 10, 235 (2008) for ρ; B. V. Derjaguin, V. M. Muller, Yu. P. Toporov, J. Colloid
 Interface Sci. 53, 314 (1975); K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. A 324, 301 (1971).
 
-`impulse`: hard spheres, whose contacts take no time: see `engine.interactions.impulses`; and surfaces and strands, which
+`impulse`: hard spheres, whose contacts take no time: see `engine.interactions.hard`; and surfaces and strands, which
 never pass through each other: see `engine.interactions.surfaces`.
 """
 

@@ -13,9 +13,19 @@ from simulate import G, points, table
 
 import particlesim as ps
 from particlesim.engine.diagnosis.sunk import sunk
-from particlesim.engine.interactions import at_once
-from particlesim.engine.interactions.at_once import FIRST, GIVEN, NUMBER, RATE, SCALE, SECOND, Chosen, X, Z
-from particlesim.engine.interactions.impulses import SETTLED, SLACK
+from particlesim.engine.interactions.hard import at_once
+from particlesim.engine.interactions.hard.at_once import (
+    FIRST,
+    GIVEN,
+    NUMBER,
+    RATE,
+    SCALE,
+    SECOND,
+    Chosen,
+    X,
+    Z,
+)
+from particlesim.engine.interactions.hard.impulses import SETTLED, SLACK
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from particlesim.engine.interactions.impulses import MOST_TURNS
+from particlesim.engine.interactions.hard.impulses import MOST_TURNS
 from particlesim.engine.islands.overlaps import overlapping
 from particlesim.engine.world import World
 from particlesim.interactions.contact import Contact

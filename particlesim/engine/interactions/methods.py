@@ -22,7 +22,7 @@ METHODS = {
     "tree": "tree.tree_pairs.tree_of",
     "mesh": "mesh.mesh_pairs.mesh_of",
     "contacts": "contacts.contacts_of",
-    "impulses": "impulses.impulses_of",
+    "impulses": "hard.impulses.impulses_of",
     "surfaces": "surfaces.surface_contacts.surfaces_of",
 }
 """What lays out an interaction, by its method: imported where a scenario needs it."""

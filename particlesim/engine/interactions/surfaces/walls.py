@@ -14,7 +14,7 @@ import numpy as np
 from particlesim.colliders.moving import MovingRecord, carried, frame_at, surface_velocity
 from particlesim.colliders.response import along_surface, put_back
 from particlesim.compiler import outlined, shared
-from particlesim.engine.interactions.impulse_walls import colliders_of, whole
+from particlesim.engine.interactions.hard.walls import colliders_of, whole
 from particlesim.engine.interactions.surfaces.record import CONTACTS, LOST
 from particlesim.engine.interactions.surfaces.response import CALM, KINETIC, PUSH, REBOUND, STATIC
 from particlesim.engine.interactions.surfaces.zones import stand

@@ -10,7 +10,7 @@ from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.moving import MovingRecord, carried, frame_at, surface_velocity
 from particlesim.colliders.response import ResponseRecord, held_back, put_back, rebound, sliding, with_slide
 from particlesim.compiler import outlined
-from particlesim.engine.interactions.at_once import FOUND, GIVEN
+from particlesim.engine.interactions.hard.at_once import FOUND, GIVEN
 from particlesim.engine.state.columns import fetch, held, type_of
 from particlesim.engine.step.contacts import Simple
 from particlesim.engine.step.rubbing import rub

@@ -31,7 +31,8 @@ import numpy as np
 
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
-from particlesim.engine.interactions.at_once import (
+from particlesim.engine.interactions.contacts import hold_stuck, with_masses
+from particlesim.engine.interactions.hard.at_once import (
     FIRST,
     FOUND,
     GIVEN,
@@ -45,8 +46,7 @@ from particlesim.engine.interactions.at_once import (
     new_desk,
     rates,
 )
-from particlesim.engine.interactions.contacts import hold_stuck, with_masses
-from particlesim.engine.interactions.impulse_walls import (
+from particlesim.engine.interactions.hard.walls import (
     COUNT,
     LOST,
     REST,
