@@ -14,6 +14,7 @@ from simulate import G, points, table
 import particlesim as ps
 from particlesim.engine.diagnosis.sunk import sunk
 from particlesim.engine.interactions.hard import at_once
+from particlesim.engine.interactions.hard.apart import SLACK
 from particlesim.engine.interactions.hard.at_once import (
     FIRST,
     GIVEN,
@@ -25,7 +26,7 @@ from particlesim.engine.interactions.hard.at_once import (
     X,
     Z,
 )
-from particlesim.engine.interactions.hard.impulses import SETTLED, SLACK
+from particlesim.engine.interactions.hard.turns import SETTLED
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 
@@ -155,31 +156,6 @@ def test_what_has_sunk_is_told() -> None:
     assert not told(0.0)  # as if both were pinned
 
 
-@pytest.mark.parametrize(("step", "sinks"), [(DT, False), (4 * DT, True)])
-def test_deep_heaps_keep_their_height_and_tell_if_they_sink(step: float, sinks: bool) -> None:
-    # 24 layers without friction. Turns leave some of their weight in every step, by which grains go up to g dt² into each
-    # other; moving apart takes back all that a step has added to an overlap.
-    rng = np.random.default_rng(3)
-    cells = np.stack(np.meshgrid(*map(np.arange, (4, 24, 4)), indexing="ij"), axis=-1).reshape(-1, 3)
-    places = (cells + 0.5) * 2.2 * R + rng.uniform(-0.05, 0.05, cells.shape) * R
-    planes = [{"restitution": 0}]
-    for axis in (0, 2):
-        for side in (1, -1):
-            normal = [0, 0, 0]
-            normal[axis] = side
-            point = [0.0 if side > 0 else 8.8 * R] * 3
-            planes.append({"restitution": 0, "normal": normal, "point": point})
-    heap = table(
-        2.0,
-        step,
-        particles=[points(*places.tolist(), velocity=[(0.0, 0.0, 0.0)] * len(places), mass=1.0, radius=R)],
-        forces=[{"type": "gravity"}],
-        interactions=[{"type": "contact", "restitution": 0}],
-        planes=planes,
-    )
-    assert any("sunk" in text for text in ps.run(ps.from_table(heap)).warnings) == sinks
-
-
 def test_columns_do_not_tell_that_they_sink() -> None:
     assert not any("sunk" in text for text in ps.run(ps.from_table(upright(30))).warnings)
 
@@ -263,10 +239,11 @@ def test_heaps_and_what_flies_are_left_to_turns() -> None:
             rows=np.array(pairs).T,
             normal=np.tile([[1.0], [0.0], [0.0]], len(pairs)),
             wall=np.array(walls, int),
-            wall_normal=np.tile([[0.0], [1.0], [0.0], [0.0], [0.0]], len(walls)),
+            wall_normal=np.tile([[0.0], [1.0], *[[0.0]] * 7], len(walls)),
             desk=at_once.new_desk(len(pairs) + len(walls), n),
         )
         c = SimpleNamespace(vx=np.array([-1.0, 0, 0, 0]), vy=np.zeros(n), vz=np.zeros(n))
+        at_once.join(bench, np.ones(n), len(pairs), len(walls))
         return int(at_once.choose(bench, np.ones(n), c, len(pairs), len(walls), 1e-9).pairs)
 
     row = [(0, 1), (1, 2), (2, 3)]

@@ -45,6 +45,11 @@ PARENT, PARTICLES, TOUCHES, STANDS, APPROACHES = range(5)
 are, and whether something holds it that nothing moves, and whether something in it still approaches."""
 
 
+LEAST, ALONG = 3, 5
+"""Rows of `wall_normal` after the normal that are read here: less than 0 of what does not lie on its wall, and how fast that
+moves along the normal [m/s]."""
+
+
 class Desk(NamedTuple):
     """Room to work in: rows of contacts [10, contacts] and of their particles [3, contacts], changes of velocities [3, n],
     and clusters [5, n]."""
@@ -78,11 +83,9 @@ def root(cluster: Any, i: Any) -> Any:
 
 
 @outlined
-def gather(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> None:
+def join(bench: Any, a: Any, pairs: Any, walls: Any) -> None:
     """Find out which particles touch each other, and how their clusters are; what nothing moves joins nothing."""
     cluster, first, second = bench.desk.cluster, bench.rows[0], bench.rows[1]
-    for q in range(walls):
-        alone(cluster, bench.wall[q])
     for k in range(pairs):
         alone(cluster, first[k])
         alone(cluster, second[k])
@@ -99,13 +102,10 @@ def gather(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> Non
         i, j = first[k], second[k]
         if a[i] + a[j] > 0:
             at = root(cluster, i if a[i] > 0 else j)
-            n = (bench.normal[0, k], bench.normal[1, k], bench.normal[2, k])
-            rate = (c.vx[i] - c.vx[j]) * n[0] + (c.vy[i] - c.vy[j]) * n[1] + (c.vz[i] - c.vz[j]) * n[2]
             cluster[TOUCHES, at] += 1
             cluster[STANDS, at] = 1 if (a[i] <= 0) | (a[j] <= 0) else cluster[STANDS, at]
-            cluster[APPROACHES, at] = 1 if -rate > calm else cluster[APPROACHES, at]
     for q in range(walls):
-        if bench.wall_normal[3, q] >= 0:
+        if bench.wall_normal[LEAST, q] >= 0:
             cluster[STANDS, root(cluster, bench.wall[q])] = 1
 
 
@@ -123,13 +123,26 @@ def wanted(cluster: Any, i: Any) -> Any:
 
 
 @outlined
+def see(bench: Any, a: Any, c: Any, pairs: Any, calm: Any) -> None:
+    """Find out in which clusters something still approaches."""
+    cluster = bench.desk.cluster
+    for k in range(pairs):
+        i, j = bench.rows[0, k], bench.rows[1, k]
+        n = (bench.normal[0, k], bench.normal[1, k], bench.normal[2, k])
+        rate = (c.vx[i] - c.vx[j]) * n[0] + (c.vy[i] - c.vy[j]) * n[1] + (c.vz[i] - c.vz[j]) * n[2]
+        if (-rate > calm) & (a[i] + a[j] > 0):
+            cluster[APPROACHES, root(cluster, i if a[i] > 0 else j)] = 1
+
+
+@outlined
 def choose(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> Chosen:
-    """Choose the first contacts to solve for, and scale them to a matrix J W Jᵀ with a diagonal of ones.
+    """Choose the contacts to solve for among clusters that are known (`join`), and scale them to a matrix J W Jᵀ with a
+    diagonal of ones.
 
     With s_i = Σ w_i/(w₁ + w₂) over the contacts of particle i its largest eigenvalue is at most the largest s₁ + s₂ of a
     contact: it is a sum over particles of matrices of rank three, of which that of i has a norm of at most s_i.
     """
-    gather(bench, a, c, pairs, walls, calm)
+    see(bench, a, c, pairs, calm)
     row, of, s, cluster = bench.desk.contacts, bench.desk.of, bench.desk.change, bench.desk.cluster
     m = 0
     for k in range(pairs):
@@ -145,7 +158,7 @@ def choose(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> Cho
     for q in range(walls):
         i = bench.wall[q]
         row[FOUND, pairs + q] = 0.0
-        if (bench.wall_normal[3, q] >= 0) and wanted(cluster, i):
+        if (bench.wall_normal[LEAST, q] >= 0) and wanted(cluster, i):
             of[NUMBER, n], of[FIRST, n], row[SCALE, n] = pairs + q, i, 1.0 / np.sqrt(float(a[i]))
             normal = bench.wall_normal
             row[X, n], row[Y, n], row[Z, n] = normal[0, q], normal[1, q], normal[2, q]
@@ -175,7 +188,7 @@ def rates(bench: Any, c: Any, chosen: Any, pairs: Any) -> None:
         if k < chosen.pairs:
             j = of[SECOND, k]
             x, y, z = x - c.vx[j], y - c.vy[j], z - c.vz[j]
-        speed = 0.0 if k < chosen.pairs else float(bench.wall_normal[4, of[NUMBER, k] - pairs])
+        speed = 0.0 if k < chosen.pairs else float(bench.wall_normal[ALONG, of[NUMBER, k] - pairs])
         row[RATE, k] = row[SCALE, k] * (x * row[X, k] + y * row[Y, k] + z * row[Z, k] - speed)
 
 

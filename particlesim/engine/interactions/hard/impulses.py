@@ -8,15 +8,14 @@ w = 1/m, n from the second to the first and v_n = (v₁ − v₂)·n < 0 a pair 
 and across n, by Coulomb, the impulse that stops sliding if that is at most μ_s j, else μ_k j. The surfaces slide over each
 other at u = v_t − s (r₁ ω₁ + r₂ ω₂) × n with s = |l|/(r₁ + r₂), and the impulse u/((1 + 5 s²/2) (w₁ + w₂)) stops them, which
 is 2/7 u/(w₁ + w₂) where spheres just touch; its torque turns both. So momentum and angular momentum are kept, and energy
-never grows, pair by pair. An approach as slow as forces bring about within two steps counts as rest, with e = 0. Colliders
-on which particles lie take part in the iteration, so that a particle on the floor holds one on top of it.
+never grows, pair by pair. Colliders on which particles lie take part in the turns.
 
-Where turns do not settle, clusters with few pairs are solved at once (`at_once`), as at rest, and the friction that goes
-with those impulses is given after them.
+An approach as slow as forces bring about within two steps counts as rest, with e = 0 (`turns`). What rests begins with what
+it has been given in the last step, and may take it back (`memory`). Where turns do not settle, clusters with few pairs are
+solved at once, as at rest (`at_once`).
 
-Then positions: overlaps are halved some times, by displacements in inverse proportion to the masses, which leave velocities
-as they are. A step makes an overlap smaller by at most `GENTLY` of the smaller radius, so that particles that overlap at the
-start do not fly apart; what the step has added to it goes whole, as turns do not carry the weight of a deep heap.
+Impulses act where forces do in a step, in its middle for most methods: along the normals there, and particles move on from
+there by as much. Then what still overlaps is moved apart (`apart`).
 
 Source: J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics (1988); E. Guendelman, R. Bridson,
 R. Fedkiw, ACM Trans. Graph. 22, 871 (2003), for impacts before contact.
@@ -32,77 +31,66 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.compiler.barrier import meet
 from particlesim.engine.interactions.contacts import hold_stuck, with_masses
-from particlesim.engine.interactions.hard.at_once import (
-    FIRST,
-    FOUND,
-    GIVEN,
-    NUMBER,
-    RATE,
-    SCALE,
-    SECOND,
-    Desk,
-    choose,
-    find,
-    new_desk,
-    rates,
+from particlesim.engine.interactions.hard.apart import (
+    DONE,
+    ROUGHLY,
+    TURNS_APART,
+    begin_apart,
+    move_apart,
+    move_on,
+    shift_from_walls,
+    shift_pairs,
+)
+from particlesim.engine.interactions.hard.at_once import GIVEN, NUMBER, choose, find, rates
+from particlesim.engine.interactions.hard.bench import COUNT, LOST, Bench, new_bench
+from particlesim.engine.interactions.hard.memory import (
+    Known,
+    known_by,
+    new_known,
+    note_speeds,
+    recall,
+    remember,
+    start,
+    take_back,
+    with_room,
+)
+from particlesim.engine.interactions.hard.turns import (
+    SETTLED,
+    give_impulses,
+    look_at,
+    mark_pairs,
+    push_pairs,
+    rub_pairs,
 )
 from particlesim.engine.interactions.hard.walls import (
-    COUNT,
-    LOST,
-    REST,
-    colliders_of,
+    push_from_walls,
     push_off_walls,
     put_on_walls,
     rub_walls,
     watch_walls,
 )
-from particlesim.engine.interactions.interaction import Floats, Site
+from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.lifting import book, lifted, stored
 from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near_pairs_of
 from particlesim.engine.interactions.neighbours.record import Neighbours, enlarged, forget
 from particlesim.engine.interactions.pair_blocks import Block
-from particlesim.engine.interactions.pressing import cross
-from particlesim.engine.interactions.touching import line_between, overlap_at, touching
+from particlesim.engine.interactions.touching import touching
 from particlesim.engine.state.columns import type_of
 from particlesim.interactions import PairSet
 
 PAIRS = 8
 """Pairs per particle to have room for at first; twice what dense packings of equal spheres have."""
-MOST_TURNS = 60
-"""Turns through all pairs in a step at most; what still approaches then is solved at once, or goes on in the next."""
-SETTLED = 1e-3
-"""Approaches that turns end with, as a part of the largest that forces have brought about in the step."""
+TURNS, MOST_TURNS, ROUGHLY_SETTLED = 20, 60, 0.02
+"""Turns through all pairs in a step at most; how many there may be while approaches are not settled even roughly, to this
+part of the largest that forces have brought about, in the root mean square. What is left is solved at once, or goes on in
+the next step."""
 MOST_ROUNDS = 2
 """Rounds of impulses found at once and their friction, each of which changes what the other needs."""
-DONE = -1.0
-"""In place of what a pair has been given: that it has been moved apart."""
-SLACK, ROUGHLY = 1e-4, 1e-3
-"""Overlap, as a part of the smaller radius, that contacts at rest keep; how exactly displacements are found at once."""
-TURNS_APART, GENTLY, MUCH = (4, 20), 0.02, 0.005
-"""Turns in which overlaps are made smaller, at least, and at most; the part of the smaller radius by which a step makes one
-smaller; and the part above which turns go on."""
-
-
-class Bench(NamedTuple):
-    """Room to work in: rows of pairs [2, room]; normal, least speed of an impact that rebounds, s, and the overlap down to
-    which they are moved apart [6, room]; what to add to the difference of their places for the nearest image [3, room] [m];
-    rows of particles at colliders [n]; normals there, such speeds, and how fast the collider moves along the normal [5, n];
-    where those at each collider of each group end; which particles are in a pair [n]; a desk for impulses that are found at
-    once."""
-
-    rows: Any
-    normal: Any
-    shift: Any
-    wall: Any
-    wall_normal: Any
-    ends: Any
-    mark: Any
-    desk: Desk
 
 
 class ImpulseColumns(NamedTuple):
-    """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, a report, and the energy that
-    moving particles apart has given them so far [1] [J]."""
+    """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, a report, the energy that moving
+    particles apart has given them so far [1] [J], and what contacts at rest have been given."""
 
     law: Any
     least: Any
@@ -117,6 +105,7 @@ class ImpulseColumns(NamedTuple):
     bench: Bench
     report: Any
     fed: Any
+    known: Known
 
 
 class Impulses(NearLists, ImpulseColumns):
@@ -126,7 +115,7 @@ class Impulses(NearLists, ImpulseColumns):
     prepares: ClassVar[bool] = False
     concludes: ClassVar[bool] = True
     looks_back: ClassVar[bool] = True
-    follows: ClassVar[frozenset[str]] = frozenset(ImpulseColumns._fields) - {"report", "fed"}
+    follows: ClassVar[frozenset[str]] = frozenset(ImpulseColumns._fields) - {"report", "fed", "known"}
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         pass
@@ -140,25 +129,42 @@ class Impulses(NearLists, ImpulseColumns):
 
     def renewed(self) -> Self:
         forget(self.near)
-        near, bench = enlarged(self.near), self.bench
+        near, bench, known = enlarged(self.near), self.bench, self.known
         if self.report[LOST]:
             self.report[LOST] = 0
             room = 2 * bench.rows.shape[1]
-            particles = bench.desk.change.shape[1]
-            bench = new_bench(room, bench.wall.size, bench.ends.size, particles, bench.normal.dtype)
+            bench = new_bench(room, bench.wall.size, bench.ends.size, bench.mark.size, bench.normal.dtype)
+            known = with_room(known, room + bench.wall.size)
         if near is self.near and bench is self.bench:
             return self
-        return self._replace(near=near, bench=bench)
+        return self._replace(near=near, bench=bench, known=known)
+
+    def after(self, before: Interaction, place: Ints) -> Self:
+        assert isinstance(before, Impulses)
+        self.fed[:] = before.fed
+        return self._replace(
+            known=known_by(before.known, place, self.bench.mark.size, self.known.partner.size)
+        )
+
+    def among(self, rows: Ints, place: Ints) -> Self:
+        known = known_by(self.known, place, rows.size, self.known.partner.size)
+        return super().among(rows, place)._replace(known=known)
+
+    def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
+        super().bring_back(there, rows, place)
+        known = known_by(there.known, rows, rows.size, self.known.partner.size)
+        for mine, theirs in zip(self.known, known, strict=True):
+            mine[:] = theirs
 
     @property
     def given(self) -> float:
         return float(self.fed[0])
 
     def changing(self) -> tuple[Floats, ...]:
-        return (self.fed,)
+        return (self.fed, *self.known)
 
     def with_changed(self, arrays: Sequence[Floats]) -> Self:
-        return self._replace(fed=arrays[0])
+        return self._replace(fed=arrays[0], known=Known(*arrays[1:]))
 
     def force_on(self, c: Any, row: int, t: float) -> Floats:
         return np.zeros(3)
@@ -171,13 +177,14 @@ class Listed(NamedTuple):
     report: Any
 
     def take(self, each: Any, row: Any, other: Any, i: Any, p: Any) -> None:
-        """Append a pair, if its first row is the smaller one."""
-        if row < other:
-            k = self.report[COUNT]
+        """Append a pair once, whatever the rows are by which the two are known at present, with the smaller one first."""
+        if each.near.place[row] < each.near.place[other]:
+            k, sign = self.report[COUNT], type_of(p.x, 1 if row < other else -1)
             if k < self.bench.rows.shape[1]:
-                self.bench.rows[0, k] = row
-                self.bench.rows[1, k] = other
-                self.bench.shift[0, k], self.bench.shift[1, k], self.bench.shift[2, k] = p.x, p.y, p.z
+                self.bench.rows[0, k], self.bench.rows[1, k] = min(row, other), max(row, other)
+                self.bench.shift[0, k] = sign * p.x
+                self.bench.shift[1, k] = sign * p.y
+                self.bench.shift[2, k] = sign * p.z
                 self.report[COUNT] = k + 1
             else:
                 self.report[LOST] = 1
@@ -194,18 +201,27 @@ def list_touching(each: Any, t: Any) -> None:
 def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """Impulses and displacements of all pairs that touch."""
     list_touching(each, t)
+    mark_pairs(each)
+    walls = watch_walls(each, parts, c, before, t)
     if each.report[COUNT] > 0:
-        calm = look_at(each, c, before)
-        watch_walls(each, parts, c, before, t)
-        turn, going = 0, True
-        while going & (turn < MOST_TURNS):
-            worst = give_impulses(each, c, turn % 2)
+        calm = look_at(each, c, before, walls, h)
+        note_speeds(each, c)
+        if recall(each, c, walls):
+            start(each, c, walls)
+        turn, going, rough, small = 0, True, True, ROUGHLY_SETTLED / SETTLED * float(calm)
+        while going & ((turn < TURNS) | (rough & (turn < MOST_TURNS))):
+            worst, squares = give_impulses(each, c, turn % 2)
             push_off_walls(each, parts, c, t)
-            going = worst > calm
+            going, rough = worst > calm, squares > small * small * each.report[COUNT]
             turn += 1
         low = stored(parts, c, each.bench.mark, t)
         if going & (each.law.restitution < 1):
-            rest_at_once(each, parts, c, t, calm)
+            chosen = choose(each.bench, each.a, c, each.report[COUNT], walls, calm)
+            rest_at_once(each, parts, c, t, chosen, walls, calm)
+            settle(each, c, walls, h)
+            apart_at_once(each, parts, c, t, chosen, walls)
+        else:
+            settle(each, c, walls, h)
         turn, going = 0, True
         while (turn < TURNS_APART[0]) | (going & (turn < TURNS_APART[1])):
             going = move_apart(each, c)
@@ -214,124 +230,22 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         # not what steps take away from overlaps, and forces bring back
         most = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
         book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), most))
+    else:
+        remember(each, walls)
 
 
 @outlined
-def look_at(each: Any, c: Any, before: Any) -> Any:
-    """Normals of all pairs, and from which speed on each rebounds; returns the approach that turns end with."""
-    bench, most = each.bench, type_of(c.x[0], 0)
-    for i in range(bench.mark.size):
-        bench.mark[i] = 0
-    for k in range(each.report[COUNT]):
-        i, j = bench.rows[0, k], bench.rows[1, k]
-        bench.mark[i] = bench.mark[j] = 1
-        bench.shift[0, k] -= c.x[i] - c.x[j]
-        bench.shift[1, k] -= c.y[i] - c.y[j]
-        bench.shift[2, k] -= c.z[i] - c.z[j]
-        x, y, z, far = line_between(c, i, j, bench.shift, k)
-        if c.spin is not None:
-            bench.normal[4, k] = far / (c.r[i] + c.r[j])
-        bench.normal[0, k], bench.normal[1, k], bench.normal[2, k] = x, y, z
-        began = overlap_at(c, (before[0], before[1], before[2]), i, j, bench.shift[:, k])
-        least = type_of(most, GENTLY) * min(c.r[i], c.r[j])
-        bench.normal[5, k] = max(min(began, c.r[i] + c.r[j] - far) - least, least - least)
-        now = (c.vx[i] - c.vx[j]) * x + (c.vy[i] - c.vy[j]) * y + (c.vz[i] - c.vz[j]) * z
-        then = (
-            (before[3, i] - before[3, j]) * x
-            + (before[4, i] - before[4, j]) * y
-            + (before[5, i] - before[5, j]) * z
-        )
-        change = abs(now - then)
-        bench.normal[3, k] = type_of(change, REST) * change
-        bench.desk.contacts[GIVEN, k] = 0
-        most = max(most, change)
-    return type_of(most, SETTLED) * most
+def settle(each: Any, c: Any, walls: Any, h: Any) -> None:
+    """Conclude what impulses have done."""
+    take_back(each, c, walls)
+    remember(each, walls)
+    move_on(each, c, h)
 
 
 @outlined
-def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
-    """A turn through all pairs; returns the fastest approach that it met."""
-    bench, friction, worst = each.bench, each.law.friction, type_of(c.x[0], 0)
-    number, one = each.report[COUNT], type_of(c.x[0], 1)
-    for q in range(number):
-        k = number - 1 - q if backwards else q
-        i, j = bench.rows[0, k], bench.rows[1, k]
-        wi, wj = each.a[i], each.a[j]
-        x, y, z, least = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k], bench.normal[3, k]
-        vx, vy, vz = c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j]
-        approach = -(vx * x + vy * y + vz * z)
-        both = wi + wj
-        if (approach > 0) & (both > 0):
-            worst = max(worst, approach)
-            # what is elastic has no rest: its hops do not end
-            lively = (approach > least) | (each.law.restitution >= 1)
-            bounce = one + each.law.restitution if lively else one
-            change = bounce * approach
-            bench.desk.contacts[GIVEN, k] = 0 if lively else bench.desk.contacts[GIVEN, k] + change
-            dx, dy, dz = change * x, change * y, change * z
-            if friction is not None:
-                slide = (vx + approach * x, vy + approach * y, vz + approach * z)
-                part, sx, sy, sz = rub_pair(each, c, k, slide, change)
-                dx, dy, dz = dx - part * sx, dy - part * sy, dz - part * sz
-            give(c, i, wi / both, dx, dy, dz)
-            give(c, j, -wj / both, dx, dy, dz)
-    return worst
-
-
-def rub_pair(each: Any, c: Any, k: Any, slide: Any, change: Any) -> Any:
-    """Turn both of pair k by the friction of an impulse that changes their speed along the normal by `change`; `slide` is
-    the difference of their velocities across it. Returns the part of sliding that ends, and how they slide."""
-    bench, friction = each.bench, each.law.friction
-    i, j, (sx, sy, sz), share = bench.rows[0, k], bench.rows[1, k], slide, type_of(change, 1)
-    n = (bench.normal[0, k], bench.normal[1, k], bench.normal[2, k])
-    if c.spin is not None:
-        arm = bench.normal[4, k]
-        tx, ty, tz = cross(turning(c, i, j), n)
-        sx, sy, sz = sx - arm * tx, sy - arm * ty, sz - arm * tz
-        share = type_of(change, 1) / (type_of(change, 1) + type_of(arm, 2.5) * arm * arm)
-    slip = np.sqrt(sx * sx + sy * sy + sz * sz)
-    holds = share * slip <= friction.static * change
-    part = share if holds else min(friction.kinetic * change / slip, share)
-    if c.spin is not None:
-        both = each.a[i] + each.a[j]
-        turn = cross(n, (part / both * sx, part / both * sy, part / both * sz))
-        spin_up(c, i, arm * each.a[i], turn)
-        spin_up(c, j, arm * each.a[j], turn)
-    return part, sx, sy, sz
-
-
-def turning(c: Any, i: Any, j: Any) -> Any:
-    """r₁ ω₁ + r₂ ω₂ [m/s]."""
-    s, a, b = c.spin, c.r[i], c.r[j]
-    return a * s.wx[i] + b * s.wx[j], a * s.wy[i] + b * s.wy[j], a * s.wz[i] + b * s.wz[j]
-
-
-def spin_up(c: Any, i: Any, inverse: Any, turn: Any) -> None:
-    """Change the angular velocity of a sphere by r times `turn` [N s] over I = 2/5 r²/w, for an inverse mass w."""
-    k = type_of(inverse, 2.5) * inverse / c.r[i]
-    c.spin.wx[i] += k * turn[0]
-    c.spin.wy[i] += k * turn[1]
-    c.spin.wz[i] += k * turn[2]
-
-
-def give(c: Any, i: Any, part: Any, x: Any, y: Any, z: Any) -> None:
-    """Change the velocity of a particle by a part of something; what its method remembers no longer holds."""
-    c.vx[i] += part * x
-    c.vy[i] += part * y
-    c.vz[i] += part * z
-    if len(c.memory) > 0:
-        c.memory[-1][i] = 0
-
-
-# What turns do not find
-
-
-@outlined
-def rest_at_once(each: Any, parts: Any, c: Any, t: Any, calm: Any) -> None:
-    """Impulses of clusters with few pairs at once, as at rest, and the friction that goes with them; then displacements."""
+def rest_at_once(each: Any, parts: Any, c: Any, t: Any, chosen: Any, walls: Any, calm: Any) -> None:
+    """Impulses of chosen clusters at once, as at rest, and the friction that goes with them."""
     bench, pairs = each.bench, each.report[COUNT]
-    walls = wall_rows(each, parts)
-    chosen = choose(bench, each.a, c, pairs, walls, calm)
     if chosen.pairs > 0:
         k = 0
         while k < (1 if each.law.friction is None else MOST_ROUNDS):
@@ -339,10 +253,17 @@ def rest_at_once(each: Any, parts: Any, c: Any, t: Any, calm: Any) -> None:
             find(bench.desk, each.a, chosen, float(calm))
             push_pairs(each, c, pairs)
             push_from_walls(each, c, pairs, walls)
-            rub_walls(each, parts, c, t)
+            rub_walls(each, parts, c)
             if each.law.friction is not None:
                 rub_pairs(each, c, pairs)
             k += 1
+
+
+@outlined
+def apart_at_once(each: Any, parts: Any, c: Any, t: Any, chosen: Any, walls: Any) -> None:
+    """Displacements of chosen clusters at once."""
+    bench, pairs = each.bench, each.report[COUNT]
+    if chosen.pairs > 0:
         farthest = begin_apart(each, c, chosen)
         find(bench.desk, each.a, chosen, ROUGHLY * farthest)
         shift_pairs(each, c, pairs)
@@ -352,149 +273,11 @@ def rest_at_once(each: Any, parts: Any, c: Any, t: Any, calm: Any) -> None:
             bench.desk.contacts[GIVEN, bench.desk.of[NUMBER, k]] = DONE
 
 
-@outlined
-def begin_apart(each: Any, c: Any, chosen: Any) -> Any:
-    """Ask for displacements that halve what of overlaps is more than a slack, or as much as may be in a step; returns the
-    most that is asked for [m]. The slack lets contacts be found in the next step, too."""
-    bench, row, of, r, most = each.bench, each.bench.desk.contacts, each.bench.desk.of, c.r, 0.0
-    for k in range(chosen.pairs + chosen.walls):
-        row[RATE, k] = row[GIVEN, of[NUMBER, k]] = 0.0
-    for k in range(chosen.pairs):
-        i, j = of[FIRST, k], of[SECOND, k]
-        least = min(r[i], r[j])
-        _, _, _, apart = line_between(c, i, j, bench.shift, of[NUMBER, k])
-        overlap = r[i] + r[j] - apart - type_of(apart, SLACK) * least
-        if overlap > 0:
-            by = float(min(type_of(apart, 0.5) * overlap, type_of(apart, GENTLY) * least))
-            row[RATE, k] = -row[SCALE, k] * by
-            most = max(most, by)
-    return most
-
-
-def wall_rows(each: Any, parts: Any) -> Any:
-    """How many particles are at colliders."""
-    end, k = each.bench.ends[0] - each.bench.ends[0], 0
-    for part in parts:
-        for _ in colliders_of(part):
-            end = each.bench.ends[k]
-            k += 1
-    return end
-
-
-@outlined
-def push_pairs(each: Any, c: Any, pairs: Any) -> None:
-    """Give all pairs the impulses that have been found."""
-    bench = each.bench
-    for k in range(pairs):
-        i, j = bench.rows[0, k], bench.rows[1, k]
-        change = type_of(c.x[0], bench.desk.contacts[FOUND, k])
-        if change != 0:
-            both = each.a[i] + each.a[j]
-            dx, dy, dz = (
-                change * bench.normal[0, k],
-                change * bench.normal[1, k],
-                change * bench.normal[2, k],
-            )
-            give(c, i, each.a[i] / both, dx, dy, dz)
-            give(c, j, -each.a[j] / both, dx, dy, dz)
-
-
-@outlined
-def push_from_walls(each: Any, c: Any, pairs: Any, walls: Any) -> None:
-    """Give all particles at walls the impulses that have been found."""
-    bench = each.bench
-    for q in range(walls):
-        change = type_of(c.x[0], bench.desk.contacts[FOUND, pairs + q])
-        if change != 0:
-            n = bench.wall_normal
-            give(c, bench.wall[q], change, n[0, q], n[1, q], n[2, q])
-
-
-@outlined
-def shift_pairs(each: Any, c: Any, pairs: Any) -> None:
-    """Displace all pairs as has been found."""
-    bench = each.bench
-    for k in range(pairs):
-        i, j, by = bench.rows[0, k], bench.rows[1, k], type_of(c.x[0], bench.desk.contacts[FOUND, k])
-        if by != 0:
-            both = each.a[i] + each.a[j]
-            shift(c, i, by * each.a[i] / both, bench.normal, k)
-            shift(c, j, -by * each.a[j] / both, bench.normal, k)
-
-
-@outlined
-def shift_from_walls(each: Any, c: Any, pairs: Any, walls: Any) -> None:
-    """Displace all particles at walls as has been found."""
-    bench = each.bench
-    for q in range(walls):
-        by = type_of(c.x[0], bench.desk.contacts[FOUND, pairs + q])
-        if by != 0:
-            shift(c, bench.wall[q], by, bench.wall_normal, q)
-
-
-def shift(c: Any, i: Any, by: Any, normal: Any, k: Any) -> None:
-    """Move a particle along a normal."""
-    c.x[i] += by * normal[0, k]
-    c.y[i] += by * normal[1, k]
-    c.z[i] += by * normal[2, k]
-
-
-@outlined
-def rub_pairs(each: Any, c: Any, pairs: Any) -> None:
-    """Friction of all pairs that have got impulses."""
-    bench = each.bench
-    for k in range(pairs):
-        i, j = bench.rows[0, k], bench.rows[1, k]
-        change = type_of(c.x[0], bench.desk.contacts[FOUND, k])
-        if change > 0:
-            x, y, z = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
-            vx, vy, vz = c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j]
-            rate, both = vx * x + vy * y + vz * z, each.a[i] + each.a[j]
-            part, sx, sy, sz = rub_pair(each, c, k, (vx - rate * x, vy - rate * y, vz - rate * z), change)
-            give(c, i, -part * each.a[i] / both, sx, sy, sz)
-            give(c, j, part * each.a[j] / both, sx, sy, sz)
-
-
-@outlined
-def move_apart(each: Any, c: Any) -> bool:
-    """Make overlaps smaller by a half of what is to go of them in the step; returns whether that was much for some."""
-    bench, r, much = each.bench, c.r, False
-    for k in range(each.report[COUNT]):
-        i, j = bench.rows[0, k], bench.rows[1, k]
-        wi, wj = each.a[i], each.a[j]
-        both = wi + wj
-        x, y, z, apart = line_between(c, i, j, bench.shift, k)
-        overlap = r[i] + r[j] - apart - bench.normal[5, k]
-        if (overlap > 0) & (both > 0) & (bench.desk.contacts[GIVEN, k] != DONE):
-            much = much | (overlap > type_of(apart, MUCH) * min(r[i], r[j]))
-            by = type_of(apart, 0.5) * overlap / both
-            c.x[i] += by * wi * x
-            c.y[i] += by * wi * y
-            c.z[i] += by * wi * z
-            c.x[j] -= by * wj * x
-            c.y[j] -= by * wj * y
-            c.z[j] -= by * wj * z
-    return much
-
-
-def new_bench(room: int, walls: int, colliders: int, particles: int, dtype: Any) -> Bench:
-    """Room for some pairs, for particles at colliders, and for the ends of their lists, among some particles."""
-    return Bench(
-        np.zeros((2, room), np.int64),
-        np.zeros((6, room), dtype),
-        np.zeros((3, room), dtype),
-        np.zeros(walls, np.int64),
-        np.zeros((5, walls), dtype),
-        np.zeros(colliders, np.int64),
-        np.zeros(particles, np.int8),
-        new_desk(room + walls, particles),
-    )
-
-
 def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     """Hard contacts among the particles of an island."""
     found = with_masses(site, near_pairs_of(site, pairs))
     count, colliders = site.whole.count, len(site.scenario.all_colliders)
-    walls, ends = min(colliders, 3) * count + 64, colliders * len(site.state) + 1
+    walls, ends = (3 * count if colliders else 0) + 64, colliders * len(site.state) + 1
     bench = new_bench(PAIRS * count + 64, walls, ends, count, site.dtype)
-    return Impulses(*found, bench, np.zeros(2, np.int64), np.zeros(1))
+    known = new_known(PAIRS * count + 64 + walls, count, site.dtype)
+    return Impulses(*found, bench, np.zeros(2, np.int64), np.zeros(1), known)

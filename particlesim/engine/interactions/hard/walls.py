@@ -8,20 +8,32 @@ import numpy as np
 
 from particlesim.colliders.bounds import BoundsRecord
 from particlesim.colliders.moving import MovingRecord, carried, frame_at, surface_velocity
-from particlesim.colliders.response import ResponseRecord, held_back, put_back, rebound, sliding, with_slide
+from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
+from particlesim.colliders.response import along_surface, bounce_at, put_back
 from particlesim.compiler import outlined
-from particlesim.engine.interactions.hard.at_once import FOUND, GIVEN
+from particlesim.engine.interactions.hard.at_once import ALONG, FOUND, GIVEN, LEAST, root
+from particlesim.engine.interactions.hard.bench import (
+    COUNT,
+    OWN,
+    PAIRED,
+    PARTING,
+    REST,
+    RUBS,
+    THROWN,
+    WORK,
+)
+from particlesim.engine.interactions.hard.turns import give, given_at, held_by
+from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.state.columns import fetch, held, type_of
 from particlesim.engine.step.contacts import Simple
-from particlesim.engine.step.rubbing import rub
 from particlesim.laws.registry import PASS, gap_and_normal, moved_to
 
-REST = 2.0
-"""Steps in which forces bring about an approach that counts as rest."""
 NEAR_WALL, ON_WALL = 0.1, 1e-4
 """Gaps to a collider, as parts of the radius, below which a particle is watched, and below which it lies on it."""
-COUNT, LOST = range(2)
-"""In `report`: how many pairs there are, and whether some found no room."""
+SAME_SIDE = 0.99
+"""The cosine of the angle between two normals from which on they are of one side."""
+FLAT = (PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord)
+"""Shapes without corners."""
 
 
 def colliders_of(part: Any) -> Any:
@@ -38,39 +50,97 @@ def whole(n: Any, like: Any) -> Any:
     return tuple(type_of(like, 0) if axis is None else axis for axis in n)
 
 
-def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any) -> None:
-    """List particles that are near a collider, collider after collider."""
-    end, k = 0, 0
+def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any) -> Any:
+    """List particles in pairs that are near a collider, collider after collider; returns how many there are."""
+    end, k = each.report[COUNT] - each.report[COUNT], 0
     for part in parts:
         for collider in colliders_of(part):
-            end = watch_wall(each, collider, c, before, t, part.first, part.last, end)
+            end = watch_wall(each, collider, k, c, before, t, part.first, part.last, end)
             each.bench.ends[k] = end
             k += 1
+    return end
 
 
 @outlined
-def watch_wall(each: Any, collider: Any, c: Any, before: Any, t: Any, first: Any, last: Any, end: Any) -> Any:
-    """List those of particles [first, last) that are near a collider; returns the end of the list."""
+def watch_wall(
+    each: Any, collider: Any, number: Any, c: Any, before: Any, t: Any, first: Any, last: Any, end: Any
+) -> Any:
+    """List those of particles [first, last) in pairs that are near a collider, in a corner once for each of its sides;
+    returns the end of the list."""
     bench = each.bench
     for i in range(first, last):
-        if (each.near.place[i] >= 0) & (each.a[i] > 0) & (end < bench.wall.size):  # noqa: SIM102
+        if ((bench.mark[i] & PAIRED) != 0) & (each.a[i] > 0):  # noqa: SIM102
             if (not held(c.clock, i)) & (collider.response.outcome == PASS):
                 p = fetch(c, i, t)
                 g, n = gap_and_normal(collider.shape, p)
                 if g < type_of(g, NEAR_WALL) * p.r:
-                    x, y, z = whole(n, g)
-                    dx, dy, dz = p.vx - before[3, i], p.vy - before[4, i], p.vz - before[5, i]
-                    bench.wall[end] = i
-                    bench.wall_normal[0, end] = x
-                    bench.wall_normal[1, end] = y
-                    bench.wall_normal[2, end] = z
-                    lies = g < type_of(g, ON_WALL) * p.r
-                    least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
-                    bench.wall_normal[3, end] = least if lies else type_of(g, -1)
-                    bench.wall_normal[4, end] = speed_along(collider, p, (x, y, z))
-                    bench.desk.contacts[GIVEN, each.report[COUNT] + end] = 0
-                    end += 1
+                    end = list_side(each, collider, number, c, before, i, p, g, whole(n, g), end)
+                    if not isinstance(collider.shape, FLAT):
+                        end = list_corner(each, collider, number, c, before, i, p, whole(n, g), end)
     return end
+
+
+def list_corner(
+    each: Any, collider: Any, number: Any, c: Any, before: Any, i: Any, p: Any, n: Any, end: Any
+) -> Any:
+    """List further sides of a collider that a particle is near, seen from places further away from those that are known."""
+    w, far = each.bench.wall_normal, type_of(p.r, NEAR_WALL) * p.r
+    x, y, z = far * n[0], far * n[1], far * n[2]
+    known = end
+    for _ in range(2):
+        g, axes = gap_and_normal(
+            collider.shape, moved_to(p, p.x + x, p.y + y, p.z + z, p.vx, p.vy, p.vz, p.t)
+        )
+        m, new = whole(axes, g), True
+        for q in range(known - 1, end):
+            new = new & (w[0, q] * m[0] + w[1, q] * m[1] + w[2, q] * m[2] < type_of(g, SAME_SIDE))
+        g -= x * m[0] + y * m[1] + z * m[2]
+        if new & (g < far):
+            end = list_side(each, collider, number, c, before, i, p, g, m, end)
+            x, y, z = x + far * m[0], y + far * m[1], z + far * m[2]
+    return end
+
+
+def list_side(
+    each: Any, collider: Any, number: Any, c: Any, before: Any, i: Any, p: Any, g: Any, n: Any, end: Any
+) -> Any:
+    """List a particle at one side of a collider; returns the end of the list."""
+    bench, w = each.bench, each.bench.wall_normal
+    if end >= bench.wall.size:
+        return end
+    dx, dy, dz = p.vx - before[3, i], p.vy - before[4, i], p.vz - before[5, i]
+    bench.wall[end], bench.collider[end] = i, number
+    w[0, end], w[1, end], w[2, end] = n
+    lies = g < type_of(g, ON_WALL) * p.r
+    least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
+    w[LEAST, end], w[PARTING, end] = least if lies else type_of(g, -1), 0
+    w[ALONG, end] = speed_along(collider, p, n)
+    for axis, u in enumerate(surface_of(collider, c, p, n)):
+        w[OWN + axis, end] = u
+    w[RUBS, end] = static_of(collider, c)
+    if dx * n[0] + dy * n[1] + dz * n[2] > 0:
+        bench.mark[i] = PAIRED | THROWN
+    return end + 1
+
+
+def static_of(collider: Any, c: Any) -> Any:
+    """The coefficient of friction that holds what lies on a collider: of spheres that turn the one at rest."""
+    friction = collider.response.friction
+    if friction is None:
+        return type_of(c.x[0], 0)
+    return type_of(c.x[0], friction.static if c.spin is not None else friction.kinetic)
+
+
+def surface_of(collider: Any, c: Any, p: Any, n: Any) -> Any:
+    """The velocity of a collider's surface where it rubs a particle: of spheres that turn where they touch, of others where
+    they are [m/s]."""
+    u = (p.x - p.x, p.x - p.x, p.x - p.x)
+    if isinstance(collider.shape, MovingRecord):
+        r = p.r if c.spin is not None else p.r - p.r
+        f = frame_at(collider.shape, p.t, p.x)
+        u = surface_velocity(collider.shape, f, p.x - r * n[0], p.y - r * n[1], p.z - r * n[2])
+    belt = along_surface(carried(collider.shape, collider.response.belt, p.t, p.x), n)
+    return tuple(a if b is None else a + b for a, b in zip(u, belt, strict=True))
 
 
 def speed_along(collider: Any, p: Any, n: Any) -> Any:
@@ -81,21 +151,6 @@ def speed_along(collider: Any, p: Any, n: Any) -> Any:
     place = (p.x - p.r * n[0], p.y - p.r * n[1], p.z - p.r * n[2])
     u, v, w = surface_velocity(collider.shape, f, *place)
     return u * n[0] + v * n[1] + w * n[2]
-
-
-def beside(collider: Any, p: Any) -> Any:
-    """A particle with its velocity relative to a collider where it is, along the axes of the world."""
-    if not isinstance(collider.shape, MovingRecord):
-        return p
-    x, y, z = surface_velocity(collider.shape, frame_at(collider.shape, p.t, p.x), p.x, p.y, p.z)
-    return moved_to(p, p.x, p.y, p.z, p.vx - x, p.vy - y, p.vz - z, p.t)
-
-
-def away(collider: Any, v: Any, p: Any, q: Any) -> Any:
-    """A velocity relative to a collider, as that of q is to that of p in the world, in the world."""
-    if not isinstance(collider.shape, MovingRecord):
-        return v
-    return v[0] + (p.vx - q.vx), v[1] + (p.vy - q.vy), v[2] + (p.vz - q.vz)
 
 
 def push_off_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
@@ -111,63 +166,84 @@ def push_off_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
 @outlined
 def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any) -> None:
     """`push_off_walls` for particles [begin, end) of the list."""
-    bench, response = each.bench, collider.response
-    for k in range(begin, end):
-        i, least = bench.wall[k], bench.wall_normal[3, k]
-        n = (bench.wall_normal[0, k], bench.wall_normal[1, k], bench.wall_normal[2, k])
-        p = fetch(c, i, t)
-        q = beside(collider, p)
-        rate = q.vx * n[0] + q.vy * n[1] + q.vz * n[2]
-        if (least >= 0) & (rate < 0):
-            one, none = type_of(rate, 1), type_of(rate, 0)
-            lively, given = (-rate > least) | (response.bounce >= 2), each.report[COUNT] + k
-            bounce = response.bounce if lively else one
-            bench.desk.contacts[GIVEN, given] = 0 if lively else bench.desk.contacts[GIVEN, given] - rate
-            friction = None if c.spin is not None else response.friction
-            belt = None if c.spin is not None else carried(collider.shape, response.belt, p.t, p.x)
-            once = ResponseRecord(bounce, none, one, PASS, friction, response.falling, belt)
-            vx, vy, vz = away(collider, rebound(once, n, rate, q), p, q)
-            if c.spin is not None and response.friction is not None:
-                push = (vx - p.vx) * n[0] + (vy - p.vy) * n[1] + (vz - p.vz) * n[2]
-                dx, dy, dz = rub(collider, c, i, moved_to(p, p.x, p.y, p.z, vx, vy, vz, p.t), n, push)
-                vx, vy, vz = vx + dx, vy + dy, vz + dz
-            c.vx[i], c.vy[i], c.vz[i] = vx, vy, vz
-            if len(c.memory) > 0:
-                c.memory[-1][i] = 0
+    bench, response, w = each.bench, collider.response, each.bench.wall_normal
+    for q in range(begin, end):
+        i, k, least = bench.wall[q], each.report[COUNT] + q, w[LEAST, q]
+        n = (w[0, q], w[1, q], w[2, q])
+        rate = c.vx[i] * n[0] + c.vy[i] * n[1] + c.vz[i] * n[2] - w[ALONG, q]
+        given = type_of(rate, bench.desk.contacts[GIVEN, k])
+        if (least >= 0) & ((rate < 0) | (given > 0)):
+            lively = (-rate > least) | ((response.bounce >= 2) & (rate < 0))
+            e = bounce_at(response, rate) - type_of(rate, 1)
+            change, push = given_at(bench, k, w, q, -rate, e, lively)
+            push_at_wall(each, c, q, change * n[0], change * n[1], change * n[2])
+            if response.friction is not None:
+                hold_at_wall(each, response.friction, c, q, push)
 
 
-def rub_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
-    """Friction of colliders on particles that have got impulses from them."""
+def push_at_wall(each: Any, c: Any, q: Any, dx: Any, dy: Any, dz: Any) -> None:
+    """Change the velocity of a particle at a collider, which may do work by it [m/s]."""
+    w, i = each.bench.wall_normal, each.bench.wall[q]
+    work = float(dx) * float(w[OWN, q]) + float(dy) * float(w[OWN + 1, q]) + float(dz) * float(w[OWN + 2, q])
+    each.bench.start[WORK, root(each.bench.desk.cluster, i)] += work / float(each.a[i])
+    give(c, i, type_of(dx, 1), dx, dy, dz)
+
+
+@outlined
+def push_from_walls(each: Any, c: Any, pairs: Any, walls: Any) -> None:
+    """Give all particles at walls the impulses that have been found at once."""
+    bench = each.bench
+    for q in range(walls):
+        change = type_of(c.x[0], bench.desk.contacts[FOUND, pairs + q])
+        if change != 0:
+            n = bench.wall_normal
+            push_at_wall(each, c, q, change * n[0, q], change * n[1, q], change * n[2, q])
+
+
+def hold_at_wall(each: Any, friction: Any, c: Any, q: Any, given: Any) -> None:
+    """Bring the friction of a particle on a collider up to what that has given it along the normal."""
+    bench, w, i, k = each.bench, each.bench.wall_normal, each.bench.wall[q], each.report[COUNT] + q
+    n = (w[0, q], w[1, q], w[2, q])
+    u = (c.vx[i] - w[OWN, q], c.vy[i] - w[OWN + 1, q], c.vz[i] - w[OWN + 2, q])
+    up = u[0] * n[0] + u[1] * n[1] + u[2] * n[2]
+    sx, sy, sz = u[0] - up * n[0], u[1] - up * n[1], u[2] - up * n[2]
+    share = type_of(up, 1)
+    if c.spin is not None:
+        tx, ty, tz = cross((c.spin.wx[i], c.spin.wy[i], c.spin.wz[i]), n)
+        sx, sy, sz = sx - c.r[i] * tx, sy - c.r[i] * ty, sz - c.r[i] * tz
+        share = type_of(up, 2 / 7)
+    t = held_by(bench.held, k, (sx, sy, sz), share, given, w[RUBS, q], friction.kinetic)
+    turn_at_wall(c, i, n, t)
+    push_at_wall(each, c, q, t[0], t[1], t[2])
+
+
+def turn_at_wall(c: Any, i: Any, n: Any, t: Any) -> None:
+    """Turn a sphere by friction of a collider that changes its velocity by t [m/s]."""
+    if c.spin is not None:
+        turn, by = cross(n, t), type_of(t[0], 2.5) / c.r[i]
+        c.spin.wx[i] -= by * turn[0]
+        c.spin.wy[i] -= by * turn[1]
+        c.spin.wz[i] -= by * turn[2]
+
+
+def rub_walls(each: Any, parts: Any, c: Any) -> None:
+    """Friction of colliders on particles that they push at rest."""
     begin, k = 0, 0
     for part in parts:
         for collider in colliders_of(part):
             if collider.response.friction is not None:
-                rub_wall(each, collider, c, begin, each.bench.ends[k], t)
+                rub_wall(each, collider, c, begin, each.bench.ends[k])
             begin = each.bench.ends[k]
             k += 1
 
 
 @outlined
-def rub_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any) -> None:
+def rub_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any) -> None:
     """`rub_walls` for particles [begin, end) of the list."""
-    bench, response = each.bench, collider.response
-    for k in range(begin, end):
-        i, push = bench.wall[k], type_of(c.x[0], bench.desk.contacts[FOUND, each.report[COUNT] + k])
-        if push > 0:
-            n = (bench.wall_normal[0, k], bench.wall_normal[1, k], bench.wall_normal[2, k])
-            p = fetch(c, i, t)
-            if c.spin is not None:
-                dx, dy, dz = rub(collider, c, i, p, n, push)
-                vx, vy, vz = p.vx + dx, p.vy + dy, p.vz + dz
-            else:
-                q, one, none = beside(collider, p), type_of(push, 1), type_of(push, 0)
-                rate = q.vx * n[0] + q.vy * n[1] + q.vz * n[2]
-                belt = carried(collider.shape, response.belt, p.t, p.x)
-                once = ResponseRecord(one, none, one, PASS, response.friction, None, belt)
-                slide = sliding(once, n, rate, q)
-                found = with_slide(once, n, rate, held_back(once, slide, push), slide)
-                vx, vy, vz = away(collider, found, p, q)
-            c.vx[i], c.vy[i], c.vz[i] = vx, vy, vz
+    for q in range(begin, end):
+        given = type_of(c.x[0], each.bench.desk.contacts[GIVEN, each.report[COUNT] + q])
+        if given > 0:
+            hold_at_wall(each, collider.response.friction, c, q, given)
 
 
 def put_on_walls(each: Any, parts: Any, c: Any, t: Any) -> None:

@@ -1,0 +1,117 @@
+"""Displacements that make overlaps of hard grains smaller, and leave velocities as they are (`impulses`).
+
+Overlaps are halved some times, by displacements in inverse proportion to the masses. A step makes an overlap smaller by at
+most a part of the smaller radius, so that particles that overlap at the start do not fly apart; what the step has added to
+it goes whole. A slack is left, by which what rests on each other is found in the next step, too.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from particlesim.compiler import outlined
+from particlesim.engine.interactions.hard.at_once import FIRST, FOUND, GIVEN, NUMBER, RATE, SCALE, SECOND
+from particlesim.engine.interactions.hard.bench import COUNT, KEPT, PAIRED, WAY
+from particlesim.engine.interactions.hard.turns import GENTLY
+from particlesim.engine.interactions.touching import line_between
+from particlesim.engine.state.columns import type_of
+
+DONE = -1.0
+"""In place of what a pair has been given: that it has been moved apart."""
+SLACK, ROUGHLY = 1e-4, 1e-3
+"""Overlap, as a part of the smaller radius, that contacts at rest keep; how exactly displacements are found at once."""
+TURNS_APART, MUCH = (4, 20), 0.005
+"""Turns in which overlaps are made smaller, at least, and at most; the part of the smaller radius above which they go on."""
+
+
+@outlined
+def move_on(each: Any, c: Any, h: Any) -> None:
+    """Displace all particles in pairs as impulses do that act in the step as forces do, in its middle for most methods: what
+    rests does not sink by the fall of a step, and angular momentum and energy are kept."""
+    mark, s = each.bench.mark, each.bench.start
+    for i in range(mark.size):
+        if (mark[i] & PAIRED) != 0:
+            way, dx, dy, dz = (
+                h * s[WAY, i],
+                float(c.vx[i]) - s[0, i],
+                float(c.vy[i]) - s[1, i],
+                float(c.vz[i]) - s[2, i],
+            )
+            c.x[i] += type_of(c.x[i], way * dx)
+            c.y[i] += type_of(c.y[i], way * dy)
+            c.z[i] += type_of(c.z[i], way * dz)
+            if len(c.memory) > 0 and (dx != 0) | (dy != 0) | (
+                dz != 0
+            ):  # what its method remembers no longer holds
+                c.memory[-1][i] = 0
+
+
+@outlined
+def move_apart(each: Any, c: Any) -> bool:
+    """Make overlaps smaller by a half of what is to go of them in the step; returns whether that was much for some."""
+    bench, r, much = each.bench, c.r, False
+    for k in range(each.report[COUNT]):
+        i, j = bench.rows[0, k], bench.rows[1, k]
+        wi, wj = each.a[i], each.a[j]
+        both = wi + wj
+        x, y, z, apart = line_between(c, i, j, bench.shift, k)
+        least = min(r[i], r[j])
+        overlap = r[i] + r[j] - apart - max(bench.normal[KEPT, k], type_of(apart, SLACK) * least)
+        if (overlap > 0) & (both > 0) & (bench.desk.contacts[GIVEN, k] != DONE):
+            much = much | (overlap > type_of(apart, MUCH) * least)
+            by = type_of(apart, 0.5) * overlap / both
+            c.x[i] += by * wi * x
+            c.y[i] += by * wi * y
+            c.z[i] += by * wi * z
+            c.x[j] -= by * wj * x
+            c.y[j] -= by * wj * y
+            c.z[j] -= by * wj * z
+    return much
+
+
+@outlined
+def begin_apart(each: Any, c: Any, chosen: Any) -> Any:
+    """Ask for displacements that halve what of overlaps is more than a slack, or as much as may be in a step; returns the
+    most that is asked for [m]."""
+    bench, row, of, r, most = each.bench, each.bench.desk.contacts, each.bench.desk.of, c.r, 0.0
+    for k in range(chosen.pairs + chosen.walls):
+        row[RATE, k] = row[GIVEN, of[NUMBER, k]] = 0.0
+    for k in range(chosen.pairs):
+        i, j = of[FIRST, k], of[SECOND, k]
+        least = min(r[i], r[j])
+        _, _, _, apart = line_between(c, i, j, bench.shift, of[NUMBER, k])
+        overlap = r[i] + r[j] - apart - type_of(apart, SLACK) * least
+        if overlap > 0:
+            by = float(min(type_of(apart, 0.5) * overlap, type_of(apart, GENTLY) * least))
+            row[RATE, k] = -row[SCALE, k] * by
+            most = max(most, by)
+    return most
+
+
+@outlined
+def shift_pairs(each: Any, c: Any, pairs: Any) -> None:
+    """Displace all pairs as has been found at once."""
+    bench = each.bench
+    for k in range(pairs):
+        i, j, by = bench.rows[0, k], bench.rows[1, k], type_of(c.x[0], bench.desk.contacts[FOUND, k])
+        if by != 0:
+            both = each.a[i] + each.a[j]
+            shift(c, i, by * each.a[i] / both, bench.normal, k)
+            shift(c, j, -by * each.a[j] / both, bench.normal, k)
+
+
+@outlined
+def shift_from_walls(each: Any, c: Any, pairs: Any, walls: Any) -> None:
+    """Displace all particles at walls as has been found at once."""
+    bench = each.bench
+    for q in range(walls):
+        by = type_of(c.x[0], bench.desk.contacts[FOUND, pairs + q])
+        if by != 0:
+            shift(c, bench.wall[q], by, bench.wall_normal, q)
+
+
+def shift(c: Any, i: Any, by: Any, normal: Any, k: Any) -> None:
+    """Move a particle along a normal."""
+    c.x[i] += by * normal[0, k]
+    c.y[i] += by * normal[1, k]
+    c.z[i] += by * normal[2, k]

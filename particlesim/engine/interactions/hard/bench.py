@@ -1,0 +1,74 @@
+"""What the impulses of hard contacts are worked out on: the arrays that the kernels of a step share (`impulses`)."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.engine.interactions.hard.at_once import Desk, new_desk
+
+COUNT, LOST = range(2)
+"""In `report`: how many pairs there are, and whether some found no room."""
+PAIRED, THROWN = 1, 2
+"""In `mark`: that a particle is in a pair, and that a collider has thrown it back in the step."""
+PARTING, ARM, KEPT, PARTS, SHARE, SPINS = 4, 5, 6, 7, 9, 10
+"""Rows of `normal` after the normal and LEAST, the least speed of an impact that rebounds [m/s]: with which impacts of the
+step have rebounded [m/s]; distance over sum of radii; the overlap down to which the two are moved apart [m]; of a change of
+their relative velocity, the part of each of the two [2], which part of sliding it has to be to end that, and by how much it
+turns each of them [2] [1/m]."""
+OWN, RUBS = 6, 9
+"""Rows of `wall_normal` after the normal, LEAST, PARTING and ALONG: the velocity of the surface [m/s], and the coefficient
+of its friction at rest."""
+LIMIT = 3
+"""Row of `held` after the friction: how much of it there is at most, over what pushes, as it slides or not."""
+TURN, WORK, GAIN, SQUARE, WAY = 3, 6, 7, 8, 9
+"""Rows of `start`, after velocities before impulses: angular velocities; of the particle that stands for a cluster, the work
+of what nothing moves, what impulses have added, and the sum of m |Δv|² + I |Δω|² [J]; how far forces have moved a particle
+in the step, over what they have changed its velocity by times the step."""
+REST = 2.0
+"""Steps in which forces bring about an approach that counts as rest."""
+
+
+class Bench(NamedTuple):
+    """Room to work in: rows of pairs [2, room], the smaller one first; normals and more of pairs [12, room]; what to add to
+    the difference of their places for the nearest image [3, room] [m].
+
+    Rows of particles at colliders [walls], their normals and more [10, walls], the numbers of their colliders [walls], and
+    where those at each collider of each group end. Of pairs, and after them of particles at walls: the friction that they
+    have been given at rest, as a change of velocity [m/s], and its LIMIT [4, room + walls].
+
+    Of particles: `mark` [n]; by how much forces have changed velocities in the step, at most in a cluster [n] [m/s];
+    velocities before impulses, sums over clusters, and more [10, n]. A desk for impulses that are found at once.
+    """
+
+    rows: Any
+    normal: Any
+    shift: Any
+    wall: Any
+    wall_normal: Any
+    collider: Any
+    ends: Any
+    held: Any
+    mark: Any
+    change: Any
+    start: Any
+    desk: Desk
+
+
+def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any) -> Bench:
+    """Room for some pairs, for particles at colliders, and for the ends of their lists, among some particles."""
+    return Bench(
+        np.zeros((2, room), np.int64),
+        np.zeros((12, room), dtype),
+        np.zeros((3, room), dtype),
+        np.zeros(walls, np.int64),
+        np.zeros((10, walls), dtype),
+        np.zeros(walls, np.int64),
+        np.zeros(ends, np.int64),
+        np.zeros((4, room + walls), dtype),
+        np.zeros(particles, np.int8),
+        np.zeros(particles, dtype),
+        np.zeros((10, particles)),
+        new_desk(room + walls, particles),
+    )

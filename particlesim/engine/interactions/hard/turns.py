@@ -1,0 +1,309 @@
+"""Turns from pair to pair, in which hard contacts get the impulses of a step (`impulses`)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import outlined
+from particlesim.engine.interactions.hard.at_once import ALONG, FOUND, GIVEN, LEAST, STANDS, join, root
+from particlesim.engine.interactions.hard.bench import (
+    ARM,
+    COUNT,
+    KEPT,
+    LIMIT,
+    PAIRED,
+    PARTING,
+    PARTS,
+    REST,
+    SHARE,
+    SPINS,
+    THROWN,
+    WAY,
+    WORK,
+)
+from particlesim.engine.interactions.pressing import cross
+from particlesim.engine.interactions.touching import line_between, overlap_at
+from particlesim.engine.state.columns import type_of
+
+SETTLED, CALM = 1e-3, 1e-9
+"""Approaches that turns end with, as a part of the largest that forces have brought about in the step, and of the fastest
+that there is."""
+BLOW = 1e3
+"""How many times as fast as what rebounds at least is what only hits, and leaves nothing for rest."""
+GENTLY = 0.02
+"""The part of the smaller radius by which a step makes an overlap smaller at most."""
+
+
+@outlined
+def mark_pairs(each: Any) -> None:
+    """Mark all particles that are in a pair."""
+    bench = each.bench
+    for i in range(bench.mark.size):
+        bench.mark[i] = 0
+    for k in range(each.report[COUNT]):
+        bench.mark[bench.rows[0, k]] = bench.mark[bench.rows[1, k]] = PAIRED
+
+
+@outlined
+def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
+    """Normals of all pairs, clusters, and from which speed on each contact rebounds; returns the approach that turns end
+    with.
+
+    What lies on something approaches others by what forces do, along the normal, or by impulses that pass on what they do
+    elsewhere in its cluster. What flies feels only differences of forces.
+    """
+    bench, rest, most = each.bench, type_of(c.x[0], REST), type_of(c.x[0], 0)
+    fastest = most
+    join(bench, each.a, each.report[COUNT], walls)
+    cluster, change = bench.desk.cluster, bench.change
+    for k in range(each.report[COUNT]):
+        change[bench.rows[0, k]] = change[bench.rows[1, k]] = 0
+    for i in range(bench.mark.size):
+        if bench.mark[i] == PAIRED:  # and not thrown back: how fast says nothing about forces
+            x, y, z = c.vx[i] - before[3, i], c.vy[i] - before[4, i], c.vz[i] - before[5, i]
+            at = root(cluster, i)
+            change[at] = max(change[at], np.sqrt(x * x + y * y + z * z))
+        if (bench.mark[i] & PAIRED) != 0:
+            bench.start[WAY, i] = way_of(c, before, i, float(h))
+    for k in range(each.report[COUNT]):
+        i, j = bench.rows[0, k], bench.rows[1, k]
+        bench.shift[0, k] -= c.x[i] - c.x[j]
+        bench.shift[1, k] -= c.y[i] - c.y[j]
+        bench.shift[2, k] -= c.z[i] - c.z[j]
+        x, y, z, far = line_when(bench, c, i, j, k, h)
+        bench.normal[0, k], bench.normal[1, k], bench.normal[2, k] = x, y, z
+        note_parts(each, c, k, far / (c.r[i] + c.r[j]))
+        began = overlap_at(c, (before[0], before[1], before[2]), i, j, bench.shift[:, k])
+        _, _, _, ends = line_between(c, i, j, bench.shift, k)
+        gently = type_of(most, GENTLY) * min(c.r[i], c.r[j])
+        bench.normal[KEPT, k] = max(min(began, c.r[i] + c.r[j] - ends) - gently, gently - gently)
+        now = (c.vx[i] - c.vx[j]) * x + (c.vy[i] - c.vy[j]) * y + (c.vz[i] - c.vz[j]) * z
+        mine, other = changed_along(bench, c, before, i, x, y, z), changed_along(bench, c, before, j, x, y, z)
+        at = root(cluster, i if each.a[i] > 0 else j)
+        stands = cluster[STANDS, at] > 0
+        least = rest * (max(abs(mine), abs(other)) if stands else abs(mine - other))
+        if stands & (-now <= least):
+            least = rest * change[at]
+        bench.normal[LEAST, k], bench.normal[PARTING, k] = least, 0
+        most, fastest = max(most, abs(mine - other)), max(fastest, -now)
+    for q in range(walls):
+        n, i = bench.wall_normal, bench.wall[q]
+        rate = c.vx[i] * n[0, q] + c.vy[i] * n[1, q] + c.vz[i] * n[2, q] - n[ALONG, q]
+        if (n[LEAST, q] >= 0) & (-rate <= n[LEAST, q]):
+            n[LEAST, q] = max(n[LEAST, q], rest * change[root(cluster, i)])
+    return max(type_of(most, SETTLED) * most, type_of(most, CALM) * fastest)
+
+
+def note_parts(each: Any, c: Any, k: Any, arm: Any) -> None:
+    """Note how impulses change the velocities of both of pair k; `arm`: the distance of their centres over both radii."""
+    n, i, j = each.bench.normal, each.bench.rows[0, k], each.bench.rows[1, k]
+    wi, wj, both = each.a[i], each.a[j], each.a[i] + each.a[j]
+    n[PARTS, k], n[PARTS + 1, k] = (wi / both, wj / both) if both > 0 else (wi, wj)
+    n[SHARE, k] = 1
+    if c.spin is not None:
+        spins = type_of(arm, 2.5) * arm
+        n[ARM, k], n[SHARE, k] = arm, type_of(arm, 1) / (type_of(arm, 1) + spins * arm)
+        n[SPINS, k], n[SPINS + 1, k] = spins * n[PARTS, k] / c.r[i], spins * n[PARTS + 1, k] / c.r[j]
+
+
+def line_when(bench: Any, c: Any, i: Any, j: Any, k: Any, h: Any) -> Any:
+    """From particle j to particle i of pair k where they are when the impulses of the step act: the unit vector, along x for
+    coincident centres, and the distance."""
+    wi, wj = type_of(c.x[i], h * bench.start[WAY, i]), type_of(c.x[j], h * bench.start[WAY, j])
+    x = c.x[i] - wi * c.vx[i] - (c.x[j] - wj * c.vx[j]) + bench.shift[0, k]
+    y = c.y[i] - wi * c.vy[i] - (c.y[j] - wj * c.vy[j]) + bench.shift[1, k]
+    z = c.z[i] - wi * c.vz[i] - (c.z[j] - wj * c.vz[j]) + bench.shift[2, k]
+    r = np.sqrt(x * x + y * y + z * z)
+    apart = r > 0
+    by = type_of(r, 1) / r if apart else type_of(r, 0)
+    return by * x if apart else type_of(r, -1), by * y, by * z, r
+
+
+def way_of(c: Any, before: Any, i: Any, h: float) -> float:
+    """How far forces have moved a particle in the step over what they have changed its velocity by times the step, which is
+    a property of the method: 0, a half, or 1."""
+    u, v, w = float(before[3, i]), float(before[4, i]), float(before[5, i])
+    dx, dy, dz = h * (float(c.vx[i]) - u), h * (float(c.vy[i]) - v), h * (float(c.vz[i]) - w)
+    x = float(c.x[i]) - float(before[0, i]) - h * u
+    y = float(c.y[i]) - float(before[1, i]) - h * v
+    z = float(c.z[i]) - float(before[2, i]) - h * w
+    size = dx * dx + dy * dy + dz * dz
+    part = (x * dx + y * dy + z * dz) / size if size > 0 else 0.5
+    return 0.0 if part < 0.25 else (0.5 if part < 0.75 else 1.0)
+
+
+def changed_along(bench: Any, c: Any, before: Any, i: Any, x: Any, y: Any, z: Any) -> Any:
+    """By how much the velocity of a particle along a normal has changed in the step, unless a collider has thrown it."""
+    change = (c.vx[i] - before[3, i]) * x + (c.vy[i] - before[4, i]) * y + (c.vz[i] - before[5, i]) * z
+    return change - change if (bench.mark[i] & THROWN) != 0 else change
+
+
+@outlined
+def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
+    """A turn through all pairs; returns the largest change of a speed along a normal [m/s], and the sum of their squares."""
+    bench, friction, worst, squares = each.bench, each.law.friction, type_of(c.x[0], 0), 0.0
+    number, e = each.report[COUNT], type_of(c.x[0], each.law.restitution)
+    for q in range(number):
+        k = number - 1 - q if backwards else q
+        i, j = bench.rows[0, k], bench.rows[1, k]
+        x, y, z = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
+        vx, vy, vz = c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j]
+        approach = -(vx * x + vy * y + vz * z)
+        given = type_of(e, bench.desk.contacts[GIVEN, k])
+        if ((approach > 0) | (given > 0)) & (bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0):
+            # what is elastic has no rest: its hops do not end
+            lively = (approach > bench.normal[LEAST, k]) | ((e >= 1) & (approach > 0))
+            change, push = given_at(bench, k, bench.normal, k, approach, e, lively)
+            worst = max(worst, abs(change))
+            squares += float(change) * float(change)
+            dx, dy, dz = change * x, change * y, change * z
+            if friction is not None:
+                slide = (vx + approach * x, vy + approach * y, vz + approach * z)
+                tx, ty, tz = hold_pair(each, c, k, slide, push)
+                dx, dy, dz = dx + tx, dy + ty, dz + tz
+            give_pair(each, c, k, dx, dy, dz)
+    return worst, squares
+
+
+def given_at(bench: Any, k: Any, normal: Any, q: Any, approach: Any, e: Any, lively: Any) -> Any:
+    """What contact k gets along its normal at an approach, and how much it has been pushed in all, as changes of the speed
+    [m/s]. What is `lively` rebounds. What has pushed too much at rest takes it back, but no rebound."""
+    given, parts = type_of(e, bench.desk.contacts[GIVEN, k]), normal[PARTING, q]
+    if lively:
+        normal[PARTING, q] = max(parts, e * approach)
+        if (e < 1) & (approach < type_of(e, BLOW) * normal[LEAST, q]):
+            bench.desk.contacts[GIVEN, k] = given + approach
+        else:
+            bench.held[0, k] = bench.held[1, k] = bench.held[2, k] = 0  # friction of each blow by itself
+        return approach + e * approach, given + approach + e * approach
+    change = max(approach if approach > 0 else min(approach + parts, e - e), -given)
+    bench.desk.contacts[GIVEN, k] = given + change
+    return change, given + change
+
+
+def give_pair(each: Any, c: Any, k: Any, dx: Any, dy: Any, dz: Any) -> None:
+    """Change the velocity of the first of pair k relative to the second [m/s]."""
+    bench, i, j = each.bench, each.bench.rows[0, k], each.bench.rows[1, k]
+    mine, other = bench.normal[PARTS, k], bench.normal[PARTS + 1, k]
+    if (mine <= 0) | (other <= 0):
+        book_work(each, c, k, dx, dy, dz)
+    give(c, i, mine, dx, dy, dz)
+    give(c, j, -other, dx, dy, dz)
+
+
+@outlined
+def book_work(each: Any, c: Any, k: Any, dx: Any, dy: Any, dz: Any) -> None:
+    """Note the work of the one of pair k that nothing moves."""
+    i, j = each.bench.rows[0, k], each.bench.rows[1, k]
+    if each.a[i] + each.a[j] > 0:
+        at, moved, sign = (i, j, -1.0) if each.a[i] <= 0 else (j, i, 1.0)
+        x, y, z = surface_of(each, c, k, at)
+        work = sign * (float(dx) * x + float(dy) * y + float(dz) * z) / float(each.a[i] + each.a[j])
+        each.bench.start[WORK, root(each.bench.desk.cluster, moved)] += work
+
+
+def surface_of(each: Any, c: Any, k: Any, i: Any) -> Any:
+    """The velocity of the surface of particle i of pair k where the two touch [m/s]."""
+    bench, x, y, z = each.bench, float(c.vx[i]), float(c.vy[i]), float(c.vz[i])
+    if c.spin is not None:
+        n = (float(bench.normal[0, k]), float(bench.normal[1, k]), float(bench.normal[2, k]))
+        u = cross((float(c.spin.wx[i]), float(c.spin.wy[i]), float(c.spin.wz[i])), n)
+        arm = float(bench.normal[ARM, k]) * float(c.r[i])
+        arm = -arm if i == bench.rows[0, k] else arm
+        x, y, z = x + arm * u[0], y + arm * u[1], z + arm * u[2]
+    return x, y, z
+
+
+def surfaces(c: Any, i: Any, j: Any) -> Any:
+    """r₁ ω₁ + r₂ ω₂ [m/s]."""
+    s, a, b = c.spin, c.r[i], c.r[j]
+    return a * s.wx[i] + b * s.wx[j], a * s.wy[i] + b * s.wy[j], a * s.wz[i] + b * s.wz[j]
+
+
+def slip_of(each: Any, c: Any, k: Any, slide: Any) -> Any:
+    """How the surfaces of pair k slide over each other; `slide` is the difference of their velocities across the normal
+    [m/s]."""
+    n, (sx, sy, sz) = each.bench.normal, slide
+    if c.spin is not None:
+        arm = n[ARM, k]
+        u = surfaces(c, each.bench.rows[0, k], each.bench.rows[1, k])
+        tx, ty, tz = cross(u, (n[0, k], n[1, k], n[2, k]))
+        sx, sy, sz = sx - arm * tx, sy - arm * ty, sz - arm * tz
+    return sx, sy, sz
+
+
+def turn_pair(each: Any, c: Any, k: Any, tx: Any, ty: Any, tz: Any) -> None:
+    """Turn both of pair k by friction that changes the velocity of the first relative to the second by t [m/s]."""
+    if c.spin is not None:
+        n = each.bench.normal
+        turn = cross((n[0, k], n[1, k], n[2, k]), (-tx, -ty, -tz))
+        spin_up(c, each.bench.rows[0, k], n[SPINS, k], turn)
+        spin_up(c, each.bench.rows[1, k], n[SPINS + 1, k], turn)
+
+
+def hold_pair(each: Any, c: Any, k: Any, slide: Any, given: Any) -> Any:
+    """Bring the friction of pair k up to what it has been given along the normal; returns by how much that changes
+    the velocity of the first relative to the second [m/s]."""
+    friction = each.law.friction
+    slip, share = slip_of(each, c, k, slide), each.bench.normal[SHARE, k]
+    t = held_by(each.bench.held, k, slip, share, given, friction.static, friction.kinetic)
+    turn_pair(each, c, k, t[0], t[1], t[2])
+    return t
+
+
+def held_by(held: Any, k: Any, slip: Any, share: Any, given: Any, static: Any, kinetic: Any) -> Any:
+    """Friction of contact k in place of what it has had in the step: what ends sliding, or what is allowed; by how much it
+    changes [m/s]. Where pushes have become less it stays as large as it was, so that no change of it adds energy."""
+    tx, ty, tz = held[0, k], held[1, k], held[2, k]
+    x, y, z = tx - share * slip[0], ty - share * slip[1], tz - share * slip[2]
+    size, had = x * x + y * y + z * z, tx * tx + ty * ty + tz * tz
+    most = type_of(size, static) * given
+    slides = size > max(most * most, had)
+    if slides:
+        part = min(max(type_of(size, kinetic) * given, np.sqrt(had)) / np.sqrt(size), type_of(size, 1))
+        x, y, z = part * x, part * y, part * z
+    held[0, k], held[1, k], held[2, k] = x, y, z
+    held[LIMIT, k] = kinetic if slides else static
+    return x - tx, y - ty, z - tz
+
+
+def spin_up(c: Any, i: Any, part: Any, turn: Any) -> None:
+    """Change the angular velocity of a particle by a part of something."""
+    c.spin.wx[i] += part * turn[0]
+    c.spin.wy[i] += part * turn[1]
+    c.spin.wz[i] += part * turn[2]
+
+
+def give(c: Any, i: Any, part: Any, x: Any, y: Any, z: Any) -> None:
+    """Change the velocity of a particle by a part of something."""
+    c.vx[i] += part * x
+    c.vy[i] += part * y
+    c.vz[i] += part * z
+
+
+@outlined
+def push_pairs(each: Any, c: Any, pairs: Any) -> None:
+    """Give all pairs the impulses that have been found at once."""
+    bench = each.bench
+    for k in range(pairs):
+        change = type_of(c.x[0], bench.desk.contacts[FOUND, k])
+        if change != 0:
+            n = bench.normal
+            give_pair(each, c, k, change * n[0, k], change * n[1, k], change * n[2, k])
+
+
+@outlined
+def rub_pairs(each: Any, c: Any, pairs: Any) -> None:
+    """Friction of all pairs that push each other at rest."""
+    bench = each.bench
+    for k in range(pairs):
+        i, j = bench.rows[0, k], bench.rows[1, k]
+        if bench.desk.contacts[GIVEN, k] > 0:
+            x, y, z = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
+            vx, vy, vz = c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j]
+            rate = vx * x + vy * y + vz * z
+            slide = (vx - rate * x, vy - rate * y, vz - rate * z)
+            tx, ty, tz = hold_pair(each, c, k, slide, type_of(x, bench.desk.contacts[GIVEN, k]))
+            give_pair(each, c, k, tx, ty, tz)

@@ -1,0 +1,238 @@
+"""Heaps of hard grains: they come to rest, however deep, as every step begins with the impulses of the last one, and a start
+adds no energy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import G, Table, points, table
+
+import particlesim as ps
+from particlesim.engine.interactions.hard.memory import Known, known_by
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.snapshot import restore, snapshot
+
+R, M, DT = 0.1, 1.0, 1e-3
+
+
+def heap(layers: int, duration: float, dt: float = DT, side: int = 4, **parts: Any) -> Table:
+    """Layers of grains with gaps between them, in a well with smooth sides."""
+    rng = np.random.default_rng(3)
+    gap = parts.pop("gap", 2.2)
+    cells = np.stack(np.meshgrid(*map(np.arange, (side, layers, side)), indexing="ij"), axis=-1).reshape(
+        -1, 3
+    )
+    places = (cells + 0.5) * gap * R + rng.uniform(-0.4, 0.4, cells.shape) * (gap - 2) * R
+    width = side * gap * R
+    floor = {"name": "floor", "type": "box", "size": [8, 2, 8], "center": [width / 2, -1, width / 2]}
+    well = {"type": "box", "inside": True, "size": [width, 40, width], "center": [width / 2, 10, width / 2]}
+    contact = parts.pop("contact", {})
+    law = {key: contact[key] for key in ("restitution", "friction") if key in contact}
+    group = points(*places.tolist(), velocity=[(0.0, 0.0, 0.0)] * len(places), mass=M, radius=R)
+    return table(
+        duration,
+        dt,
+        particles=[group],
+        forces=[{"type": "gravity"}],
+        interactions=[{"type": "contact", "restitution": 0, **contact}],
+        colliders=[{"restitution": 0, **floor, **law}, {"restitution": 0, **well}],
+        **parts,
+    )
+
+
+def depths(x: np.ndarray) -> np.ndarray:
+    """How far grains overlap [m], of all pairs that do."""
+    apart = np.sqrt(((x[:, None] - x[None]) ** 2).sum(axis=-1))[np.triu_indices(len(x), 1)]
+    return np.asarray(2 * R - apart[apart < 2 * R])
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        {},
+        {"restitution": 0.5},
+        {"friction": 0.5},
+        {"restitution": 0.5, "friction": {"static": 0.6, "kinetic": 0.4}},
+    ],
+    ids=["smooth", "lively", "rough", "both"],
+)
+def test_deep_heaps_come_to_rest(contact: dict[str, Any]) -> None:
+    # In every step forces bring about g dt, and overlaps of g dt² in a heap that does not hold. This one holds to a
+    # twentieth of the one, and a fiftieth of a radius. Single grains may still find their place.
+    simulation = Simulation(ps.from_table(heap(16, 4.0, gap=2.05, contact=contact)), threads=1)
+    simulation.advance_to(4000)
+    (state,) = simulation.states
+    simulation.close()
+    speed = np.sqrt((state.v**2).sum(axis=0))
+    assert np.median(speed) < 0.05 * G * DT
+    found = depths(state.position)
+    assert found.max() < 0.02 * R
+    assert found.mean() < 1e-3 * R
+    assert (state.position[:, 1] - R).min() > -1e-12
+
+
+@pytest.mark.parametrize(("step", "sinks"), [(DT, False), (4 * DT, False), (20 * DT, True)])
+def test_they_keep_their_height_and_tell_if_they_sink(step: float, sinks: bool) -> None:
+    # 24 layers, in steps in which they fall by 1e-4, 1.6e-3, and 0.04 of a radius.
+    told = ps.run(ps.from_table(heap(24, 2.0, step))).warnings
+    assert any("sunk" in text for text in told) == sinks
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_heap_that_loses_its_floor_falls_as_one(restitution: float) -> None:
+    # What the last step has given is too much now. The floor goes away at 40 m/s², and in 0.1 s all fall by as much.
+    scenario = heap(6, 2.1, contact={"restitution": restitution}, output={"every": 50, "ledger": True})
+    scenario["motions"] = [{"collider": "floor", "path": ["x", "y - 20*max(t - 2, 0)**2", "z"]}]
+    simulation = Simulation(ps.from_table(scenario), threads=1)
+    simulation.advance_to(2000)
+    before = simulation.states[0].v.copy()
+    kinetic = simulation.ledger()["kinetic"]
+    simulation.advance_to(2100)
+    change = simulation.states[0].v - before + np.array([[0], [G * 0.1], [0]])
+    fall = simulation.ledger()["kinetic"]
+    simulation.close()
+    # but for what had not come to rest, whose energy does not grow
+    own = np.sqrt(2 * kinetic / M)
+    assert np.sqrt((change**2).sum()) < 2 * own + 1e-9
+    count = before.shape[1]
+    assert fall <= 0.5 * M * count * (G * 0.1) ** 2 + M * count * G * 0.1 * own + kinetic + 1e-9
+
+
+def test_what_a_start_adds_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    # With one turn in a step, which cannot take back what the heap no longer needs without its floor.
+    scenario = heap(6, 2.1, gap=2.05)
+    scenario["motions"] = [{"collider": "floor", "path": ["x", "y - 20*max(t - 2, 0)**2", "z"]}]
+    before = Simulation(ps.from_table(scenario), threads=1)
+    before.advance_to(2000)
+    for name in ("TURNS", "MOST_TURNS"):
+        monkeypatch.setattr(f"particlesim.engine.interactions.hard.impulses.{name}", 1)
+    simulation = Simulation(ps.from_table(scenario), threads=1)
+    restore(simulation, snapshot(before))
+    before.close()
+    known = simulation.islands[0].interactions[-1].known
+    weight = M * G * DT
+    assert np.sqrt((known.push[: known.begin[-1]] ** 2).sum(axis=1)).max() > 4 * weight / M
+    energy = []
+    for step in range(2000, 2020):
+        simulation.advance_to(step)
+        v = simulation.states[0].v
+        energy.append(float(0.5 * M * ((v - v.mean(axis=1, keepdims=True)) ** 2).sum()))
+    simulation.close()
+    assert max(energy) < energy[0] + 1e-6 * 0.5 * M * (G * DT) ** 2
+
+
+def test_a_heap_on_a_lift_rests_as_on_the_ground() -> None:
+    # Laws are the same for who moves along, and what the floor does work on has not gained energy from nothing.
+    speed, duration = 2.0, 4.0
+    scenario = heap(5, duration, gap=2.05)
+    scenario["particles"][0]["layout"]["velocity"] = [(0.0, speed, 0.0)] * 80
+    scenario["motions"] = [{"collider": "floor", "path": ["x", f"y + {speed}*t", "z"]}]
+    simulation = Simulation(ps.from_table(scenario), threads=1)
+    simulation.advance_to(4000)
+    (state,) = simulation.states
+    v = state.v - np.array([[0], [speed], [0]])
+    assert np.median(np.sqrt((v**2).sum(axis=0))) < 0.05 * G * DT
+    assert depths(state.position).max() < 0.02 * R
+    simulation.close()
+
+
+def drawn_together(friction: float, restitution: float, duration: float) -> Table:
+    """Grains that a spring to the middle makes a ball, which turns, in empty space."""
+    rng = np.random.default_rng(5)
+    cells = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) - 1.5
+    places = cells * 2.1 * R + rng.uniform(-0.04, 0.04, cells.shape) * R
+    velocity = np.cross([0, 1.0, 0], places)
+    return table(
+        duration,
+        DT,
+        particles=[points(*places.tolist(), velocity=velocity.tolist(), mass=M, radius=R)],
+        forces=[{"type": "point_spring", "stiffness": 40.0}],
+        interactions=[{"type": "contact", "restitution": restitution, "friction": friction}],
+        output={"every": 50, "ledger": True},
+    )
+
+
+@pytest.mark.parametrize(("friction", "restitution"), [(0.0, 0.0), (0.5, 0.0), (0.5, 0.6)])
+def test_a_ball_of_grains_that_turns_keeps_its_angular_momentum_and_gains_no_energy(
+    friction: float, restitution: float
+) -> None:
+    # Impulses act in the middle of a step, along the normal there. Only moving apart changes angular momentum: by 1e-3 in
+    # the first blows, by next to nothing where all lie still, and a little more where smooth grains slide.
+    simulation = Simulation(ps.from_table(drawn_together(friction, restitution, 3.0)), threads=1)
+    sums, energy = [], []
+    for step in range(0, 3001, 250):
+        simulation.advance_to(step)
+        (state,) = simulation.states
+        turning = M * np.cross(state.position, state.v.T).sum(axis=0)
+        if friction:
+            turning += 0.4 * M * R * R * state.angular_velocity.sum(axis=1)
+        sums.append(turning)
+        row, given = simulation.ledger(), simulation.islands[0].interactions[-1].given
+        energy.append(row["kinetic"] + row["potential.point_spring"] - given)
+    simulation.close()
+    drift = np.abs(np.array(sums) - sums[4]).max(axis=1) / np.abs(sums[4]).max()
+    assert drift.max() < 3e-3
+    assert drift[5:].max() < (1e-6 if friction else 3e-4)
+    # a leapfrog keeps energy to (ω dt)²/4 of what swings
+    assert np.diff(energy).max() < 0.25 * 40.0 / M * DT**2 * energy[0]
+    assert energy[-1] < 0.95 * energy[0]
+
+
+@pytest.mark.parametrize("many", [False, True], ids=["in their order", "in the order of space"])
+def test_a_resumed_heap_has_the_same_bits(many: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What contacts have been given goes with them into checkpoints, and into another order of memory and back."""
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 0)
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)
+    contact = {"restitution": 0.3, "friction": 0.5}
+    scenario = heap(6, 1.0, contact=contact)
+    places = np.array(scenario["particles"][0]["layout"]["position"])
+    scenario["particles"][0]["layout"]["position"] = np.random.default_rng(0).permutation(places).tolist()
+    plain = Simulation(ps.from_table(scenario), threads=1)
+    if many:
+        monkeypatch.setattr("particlesim.engine.islands.in_space.WORTH_PARTICLES", 1)
+    one, other = (Simulation(ps.from_table(scenario), threads=k) for k in (1, 2))
+    for step in (250, 500):
+        one.advance_to(step)
+    restore(other, snapshot(one))
+    for each in (one, other):
+        each.advance_to(750)
+    with monkeypatch.context() as patch:
+        patch.setattr("particlesim.engine.islands.in_space.WORTH_PARTICLES", 10**9)
+        for step in (250, 500, 750):
+            plain.advance_to(step)
+    known = one.islands[0].interactions[-1].known
+    assert known.begin[-1] > 100
+    for each in (other, plain):
+        assert one.states[0].x.tobytes() == each.states[0].x.tobytes()
+        assert one.states[0].v.tobytes() == each.states[0].v.tobytes()
+        each.close()
+    one.close()
+
+
+def test_what_is_known_follows_its_particles() -> None:
+    # contacts 0–2, 0–collider 1, 1–2 and 2–3 of four particles, of which the second dies, and the others turn around
+    known = Known(np.array([0, 2, 3, 4, 4]), np.array([2, -2, 2, 3, 0]), np.arange(15.0).reshape(5, 3))
+    found = known_by(known, np.array([2, -1, 1, 0]), 3, 6)
+    assert found.begin.tolist() == [0, 1, 2, 3]
+    assert found.partner[:3].tolist() == [1, 2, -2]
+    assert found.push[:3].tolist() == [[-9, -10, -11], [0, -1, -2], [3, 4, 5]]
+    assert len(found.partner) == len(found.push) == 6
+
+
+def test_grains_that_lie_keep_what_they_carry_while_others_are_born_and_die() -> None:
+    # 30 times in the last second: to begin anew would be to fall by g dt each time.
+    scenario = heap(8, 4.0, gap=2.05)
+    tap = {"type": "point", "position": [0.4, 8.0, 0.4]}
+    scenario["emitters"] = [
+        {"name": "tap", "shape": tap, "rate": 15.0, "lifetime": 0.1, "mass": M, "radius": R, "speed": 0.0}
+    ]
+    simulation = Simulation(ps.from_table(scenario), threads=1)
+    fastest = []
+    for step in range(3000, 4001, 25):
+        simulation.advance_to(step)
+        fastest.append(float(np.median(np.sqrt((simulation.states[0].v ** 2).sum(axis=0)))))
+    simulation.close()
+    assert np.median(fastest) < 1e-3 * G * DT
+    assert max(fastest) < 0.05 * G * DT
