@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import FIRST, FOUND, GIVEN, NUMBER, RATE, SCALE, SECOND
-from particlesim.engine.interactions.hard.bench import COUNT, KEPT, PAIRED, WAY
+from particlesim.engine.interactions.hard.bench import COUNT, KEPT, NEAR_WALL, PAIRED, WAY
 from particlesim.engine.interactions.hard.turns import GENTLY
 from particlesim.engine.interactions.touching import line_between
 from particlesim.engine.state.columns import type_of
@@ -31,19 +33,15 @@ def move_on(each: Any, c: Any, h: Any) -> None:
     mark, s = each.bench.mark, each.bench.start
     for i in range(mark.size):
         if (mark[i] & PAIRED) != 0:
-            way, dx, dy, dz = (
-                h * s[WAY, i],
-                float(c.vx[i]) - s[0, i],
-                float(c.vy[i]) - s[1, i],
-                float(c.vz[i]) - s[2, i],
-            )
-            c.x[i] += type_of(c.x[i], way * dx)
-            c.y[i] += type_of(c.y[i], way * dy)
-            c.z[i] += type_of(c.z[i], way * dz)
-            if len(c.memory) > 0 and (dx != 0) | (dy != 0) | (
-                dz != 0
-            ):  # what its method remembers no longer holds
-                c.memory[-1][i] = 0
+            dx, dy, dz = float(c.vx[i]) - s[0, i], float(c.vy[i]) - s[1, i], float(c.vz[i]) - s[2, i]
+            speed = np.sqrt(dx * dx + dy * dy + dz * dz)
+            if speed > 0:
+                way = min(h * s[WAY, i], NEAR_WALL * float(c.r[i]) / speed)
+                c.x[i] += type_of(c.x[i], way * dx)
+                c.y[i] += type_of(c.y[i], way * dy)
+                c.z[i] += type_of(c.z[i], way * dz)
+                if len(c.memory) > 0:  # what its method remembers no longer holds
+                    c.memory[-1][i] = 0
 
 
 @outlined

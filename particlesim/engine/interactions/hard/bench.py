@@ -28,6 +28,8 @@ of what nothing moves, what impulses have added, and the sum of m |Δv|² + I |�
 in the step, over what they have changed its velocity by times the step."""
 REST = 2.0
 """Steps in which forces bring about an approach that counts as rest."""
+NEAR_WALL = 0.1
+"""Gap to a collider, as a part of the radius, below which a particle is watched; impulses move none further in a step."""
 
 
 class Bench(NamedTuple):

@@ -13,6 +13,7 @@ from particlesim.engine.interactions.hard.bench import (
     COUNT,
     KEPT,
     LIMIT,
+    NEAR_WALL,
     PAIRED,
     PARTING,
     PARTS,
@@ -67,6 +68,13 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
             change[at] = max(change[at], np.sqrt(x * x + y * y + z * z))
         if (bench.mark[i] & PAIRED) != 0:
             bench.start[WAY, i] = way_of(c, before, i, float(h))
+    for k in range(each.report[COUNT]):
+        i, j = bench.rows[0, k], bench.rows[1, k]
+        x, y, z = float(c.vx[i] - c.vx[j]), float(c.vy[i] - c.vy[j]), float(c.vz[i] - c.vz[j])
+        size, far = 2 * h * np.sqrt(x * x + y * y + z * z), NEAR_WALL
+        if size > 0:  # how far an impact might move them
+            bench.start[WAY, i] = min(bench.start[WAY, i], far * float(c.r[i]) / size)
+            bench.start[WAY, j] = min(bench.start[WAY, j], far * float(c.r[j]) / size)
     for k in range(each.report[COUNT]):
         i, j = bench.rows[0, k], bench.rows[1, k]
         bench.shift[0, k] -= c.x[i] - c.x[j]

@@ -14,6 +14,7 @@ from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import ALONG, FOUND, GIVEN, LEAST, root
 from particlesim.engine.interactions.hard.bench import (
     COUNT,
+    NEAR_WALL,
     OWN,
     PAIRED,
     PARTING,
@@ -28,8 +29,8 @@ from particlesim.engine.state.columns import fetch, held, type_of
 from particlesim.engine.step.contacts import Simple
 from particlesim.laws.registry import PASS, gap_and_normal, moved_to
 
-NEAR_WALL, ON_WALL = 0.1, 1e-4
-"""Gaps to a collider, as parts of the radius, below which a particle is watched, and below which it lies on it."""
+ON_WALL = 1e-4
+"""Gap to a collider, as a part of the radius, below which a particle lies on it."""
 SAME_SIDE = 0.99
 """The cosine of the angle between two normals from which on they are of one side."""
 FLAT = (PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord)
