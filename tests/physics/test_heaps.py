@@ -61,8 +61,8 @@ def depths(x: np.ndarray) -> np.ndarray:
 def test_deep_heaps_come_to_rest(contact: dict[str, Any]) -> None:
     # In every step forces bring about g dt, and overlaps of g dt² in a heap that does not hold. This one holds to a
     # twentieth of the one, and a fiftieth of a radius. Single grains may still find their place.
-    simulation = Simulation(ps.from_table(heap(16, 4.0, gap=2.05, contact=contact)), threads=1)
-    simulation.advance_to(4000)
+    simulation = Simulation(ps.from_table(heap(12, 3.0, gap=2.05, contact=contact)), threads=1)
+    simulation.advance_to(3000)
     (state,) = simulation.states
     simulation.close()
     speed = np.sqrt((state.v**2).sum(axis=0))
@@ -76,7 +76,7 @@ def test_deep_heaps_come_to_rest(contact: dict[str, Any]) -> None:
 @pytest.mark.parametrize(("step", "sinks"), [(DT, False), (4 * DT, False), (20 * DT, True)])
 def test_they_keep_their_height_and_tell_if_they_sink(step: float, sinks: bool) -> None:
     # 24 layers, in steps in which they fall by 1e-4, 1.6e-3, and 0.04 of a radius.
-    told = ps.run(ps.from_table(heap(24, 2.0, step))).warnings
+    told = ps.run(ps.from_table(heap(24, 1.6, step))).warnings
     assert any("sunk" in text for text in told) == sinks
 
 
