@@ -45,9 +45,9 @@ PARENT, PARTICLES, TOUCHES, STANDS, APPROACHES = range(5)
 are, and whether something holds it that nothing moves, and whether something in it still approaches."""
 
 
-LEAST, ALONG = 3, 5
-"""Rows of `wall_normal` after the normal that are read here: less than 0 of what does not lie on its wall, and how fast that
-moves along the normal [m/s]."""
+LEAST, PARTING, ALONG = 3, 4, 5
+"""Rows of `normal` and `wall_normal` after the normal that are read here: less than 0 of what does not lie on its wall; more
+than 0 of what has rebounded; how fast the wall moves along the normal [m/s]."""
 
 
 class Desk(NamedTuple):
@@ -123,15 +123,21 @@ def wanted(cluster: Any, i: Any) -> Any:
 
 
 @outlined
-def see(bench: Any, a: Any, c: Any, pairs: Any, calm: Any) -> None:
-    """Find out in which clusters something still approaches."""
+def see(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> None:
+    """Find out in which clusters something still approaches, and leave out those in which something has rebounded."""
     cluster = bench.desk.cluster
     for k in range(pairs):
         i, j = bench.rows[0, k], bench.rows[1, k]
+        at = root(cluster, i if a[i] > 0 else j)
         n = (bench.normal[0, k], bench.normal[1, k], bench.normal[2, k])
         rate = (c.vx[i] - c.vx[j]) * n[0] + (c.vy[i] - c.vy[j]) * n[1] + (c.vz[i] - c.vz[j]) * n[2]
         if (-rate > calm) & (a[i] + a[j] > 0):
-            cluster[APPROACHES, root(cluster, i if a[i] > 0 else j)] = 1
+            cluster[APPROACHES, at] = 1
+        if bench.normal[PARTING, k] > 0:
+            cluster[STANDS, at] = 0
+    for q in range(walls):
+        if bench.wall_normal[PARTING, q] > 0:
+            cluster[STANDS, root(cluster, bench.wall[q])] = 0
 
 
 @outlined
@@ -142,7 +148,7 @@ def choose(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> Cho
     With s_i = Σ w_i/(w₁ + w₂) over the contacts of particle i its largest eigenvalue is at most the largest s₁ + s₂ of a
     contact: it is a sum over particles of matrices of rank three, of which that of i has a norm of at most s_i.
     """
-    see(bench, a, c, pairs, calm)
+    see(bench, a, c, pairs, walls, calm)
     row, of, s, cluster = bench.desk.contacts, bench.desk.of, bench.desk.change, bench.desk.cluster
     m = 0
     for k in range(pairs):

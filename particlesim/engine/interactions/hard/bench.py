@@ -12,11 +12,11 @@ COUNT, LOST = range(2)
 """In `report`: how many pairs there are, and whether some found no room."""
 PAIRED, THROWN = 1, 2
 """In `mark`: that a particle is in a pair, and that a collider has thrown it back in the step."""
-PARTING, ARM, KEPT, PARTS, SHARE, SPINS = 4, 5, 6, 7, 9, 10
-"""Rows of `normal` after the normal and LEAST, the least speed of an impact that rebounds [m/s]: with which impacts of the
-step have rebounded [m/s]; distance over sum of radii; the overlap down to which the two are moved apart [m]; of a change of
-their relative velocity, the part of each of the two [2], which part of sliding it has to be to end that, and by how much it
-turns each of them [2] [1/m]."""
+ARM, KEPT, PARTS, SHARE, SPINS, LATER = 5, 6, 7, 9, 10, 12
+"""Rows of `normal` after the normal, LEAST, the least speed of an impact that rebounds, and PARTING, the one with which
+impacts of the step have done so [m/s]: distance over sum of radii; the overlap down to which the two are moved apart [m]; of
+a change of their relative velocity, the part of each of the two [2], which part of sliding it has to be to end that, and by
+how much it turns each of them [2] [1/m]; what forces add to their approach after an impact in the step [m/s]."""
 OWN, RUBS = 6, 9
 """Rows of `wall_normal` after the normal, LEAST, PARTING and ALONG: the velocity of the surface [m/s], and the coefficient
 of its friction at rest."""
@@ -33,7 +33,7 @@ NEAR_WALL = 0.1
 
 
 class Bench(NamedTuple):
-    """Room to work in: rows of pairs [2, room], the smaller one first; normals and more of pairs [12, room]; what to add to
+    """Room to work in: rows of pairs [2, room], the smaller one first; normals and more of pairs [13, room]; what to add to
     the difference of their places for the nearest image [3, room] [m].
 
     Rows of particles at colliders [walls], their normals and more [10, walls], the numbers of their colliders [walls], and
@@ -62,7 +62,7 @@ def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any) -> B
     """Room for some pairs, for particles at colliders, and for the ends of their lists, among some particles."""
     return Bench(
         np.zeros((2, room), np.int64),
-        np.zeros((12, room), dtype),
+        np.zeros((13, room), dtype),
         np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),
         np.zeros((10, walls), dtype),

@@ -7,15 +7,24 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined
-from particlesim.engine.interactions.hard.at_once import ALONG, FOUND, GIVEN, LEAST, STANDS, join, root
+from particlesim.engine.interactions.hard.at_once import (
+    ALONG,
+    FOUND,
+    GIVEN,
+    LEAST,
+    PARTING,
+    STANDS,
+    join,
+    root,
+)
 from particlesim.engine.interactions.hard.bench import (
     ARM,
     COUNT,
     KEPT,
+    LATER,
     LIMIT,
     NEAR_WALL,
     PAIRED,
-    PARTING,
     PARTS,
     REST,
     SHARE,
@@ -95,6 +104,7 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         if stands & (-now <= least):
             least = rest * change[at]
         bench.normal[LEAST, k], bench.normal[PARTING, k] = least, 0
+        bench.normal[LATER, k] = type_of(least, -0.5) * (mine - other)
         most, fastest = max(most, abs(mine - other)), max(fastest, -now)
     for q in range(walls):
         n, i = bench.wall_normal, bench.wall[q]
@@ -163,7 +173,10 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
         if ((approach > 0) | (given > 0)) & (bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0):
             # what is elastic has no rest: its hops do not end
             lively = (approach > bench.normal[LEAST, k]) | ((e >= 1) & (approach > 0))
-            change, push = given_at(bench, k, bench.normal, k, approach, e, lively)
+            later = bench.normal[LATER, k] if lively else e - e
+            change, push = given_at(bench, k, bench.normal, k, approach, later, e, lively)
+            if lively:
+                bench.normal[LATER, k] = 0
             worst = max(worst, abs(change))
             squares += float(change) * float(change)
             dx, dy, dz = change * x, change * y, change * z
@@ -175,17 +188,19 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
     return worst, squares
 
 
-def given_at(bench: Any, k: Any, normal: Any, q: Any, approach: Any, e: Any, lively: Any) -> Any:
+def given_at(bench: Any, k: Any, normal: Any, q: Any, approach: Any, later: Any, e: Any, lively: Any) -> Any:
     """What contact k gets along its normal at an approach, and how much it has been pushed in all, as changes of the speed
-    [m/s]. What is `lively` rebounds. What has pushed too much at rest takes it back, but no rebound."""
+    [m/s]. What is `lively` rebounds, from the approach that it has in the middle of what forces do in the step: `later`
+    comes after that, and ends at rest at least. What has pushed too much at rest takes it back, but no rebound."""
     given, parts = type_of(e, bench.desk.contacts[GIVEN, k]), normal[PARTING, q]
     if lively:
-        normal[PARTING, q] = max(parts, e * approach)
+        change = max((approach - later) + e * (approach - later), approach)
+        normal[PARTING, q] = max(parts, change - approach)
         if (e < 1) & (approach < type_of(e, BLOW) * normal[LEAST, q]):
             bench.desk.contacts[GIVEN, k] = given + approach
         else:
             bench.held[0, k] = bench.held[1, k] = bench.held[2, k] = 0  # friction of each blow by itself
-        return approach + e * approach, given + approach + e * approach
+        return change, given + change
     change = max(approach if approach > 0 else min(approach + parts, e - e), -given)
     bench.desk.contacts[GIVEN, k] = given + change
     return change, given + change

@@ -11,13 +11,12 @@ from particlesim.colliders.moving import MovingRecord, carried, frame_at, surfac
 from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.response import along_surface, bounce_at, put_back
 from particlesim.compiler import outlined
-from particlesim.engine.interactions.hard.at_once import ALONG, FOUND, GIVEN, LEAST, root
+from particlesim.engine.interactions.hard.at_once import ALONG, FOUND, GIVEN, LEAST, PARTING, root
 from particlesim.engine.interactions.hard.bench import (
     COUNT,
     NEAR_WALL,
     OWN,
     PAIRED,
-    PARTING,
     REST,
     RUBS,
     THROWN,
@@ -176,7 +175,7 @@ def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any
         if (least >= 0) & ((rate < 0) | (given > 0)):
             lively = (-rate > least) | ((response.bounce >= 2) & (rate < 0))
             e = bounce_at(response, rate) - type_of(rate, 1)
-            change, push = given_at(bench, k, w, q, -rate, e, lively)
+            change, push = given_at(bench, k, w, q, -rate, rate - rate, e, lively)
             push_at_wall(each, c, q, change * n[0], change * n[1], change * n[2])
             if response.friction is not None:
                 hold_at_wall(each, response.friction, c, q, push)
