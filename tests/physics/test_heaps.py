@@ -283,3 +283,38 @@ def test_a_light_ball_rebounds_from_what_lies(layers: int, restitution: float) -
     v = ps.run(ps.from_table(scenario)).final.velocity[-1, 1] + G * 0.02
     alone = 2.0 * (50 * restitution - 1) / 51  # the first of them is free for the time of a blow
     assert 0.85 * alone < v < restitution * 2.0 * 1.02
+
+
+@pytest.mark.parametrize("little", ["PAIRS", "SIDES"])
+def test_contacts_without_room_make_their_interval_again(
+    little: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # 27 grains are born in each other, with some hundred contacts, and fall into a corner of a box. What finds no room would
+    # not push, and a run that is resumed has another room.
+    scenario = heap(1, 0.4, output={"every": 50, "ledger": True})
+    scenario["emitters"] = [
+        {
+            "name": "crowd",
+            "shape": {"type": "ball", "center": [0.2, 0.6, 0.2], "radius": 0.1},
+            "burst": {"count": 27, "at": 0.02},
+            "speed": 0.0,
+            "mass": M,
+            "radius": R,
+        }
+    ]
+    plain = Simulation(ps.from_table(scenario), threads=1)
+    monkeypatch.setattr(f"particlesim.engine.interactions.hard.impulses.{little}", 0)
+    monkeypatch.setattr("particlesim.engine.interactions.hard.impulses.SOME", 4)
+    one, other = (Simulation(ps.from_table(scenario), threads=1) for _ in range(2))
+    for step in (50, 100, 150, 200):
+        one.advance_to(step)
+        plain.advance_to(step)
+    restore(other, snapshot(one))
+    for step in (250, 300, 350, 400):
+        for each in (one, other, plain):
+            each.advance_to(step)
+    for each in (other, plain):
+        assert one.states[0].x.tobytes() == each.states[0].x.tobytes()
+        assert one.states[1].x.tobytes() == each.states[1].x.tobytes()
+        each.close()
+    one.close()

@@ -8,8 +8,9 @@ import numpy as np
 
 from particlesim.engine.interactions.hard.at_once import Desk, new_desk
 
-COUNT, LOST = range(2)
-"""In `report`: how many pairs there are, and whether some found no room."""
+COUNT, WANTED, WALLS_WANTED = range(3)
+"""In `report`: how many pairs there are; since there was last more room, for how many pairs there should have been room, and
+for how many particles at colliders."""
 PAIRED, THROWN = 1, 2
 """In `mark`: that a particle is in a pair, and that a collider has thrown it back in the step."""
 ARM, KEPT, PARTS, SHARE, SPINS, LATER = 5, 6, 7, 9, 10, 12

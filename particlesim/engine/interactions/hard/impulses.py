@@ -42,7 +42,7 @@ from particlesim.engine.interactions.hard.apart import (
     shift_pairs,
 )
 from particlesim.engine.interactions.hard.at_once import GIVEN, NUMBER, choose, find, rates
-from particlesim.engine.interactions.hard.bench import COUNT, LOST, Bench, new_bench
+from particlesim.engine.interactions.hard.bench import COUNT, WANTED, Bench, new_bench
 from particlesim.engine.interactions.hard.memory import (
     Known,
     known_by,
@@ -78,8 +78,9 @@ from particlesim.engine.interactions.touching import touching
 from particlesim.engine.state.columns import type_of
 from particlesim.interactions import PairSet
 
-PAIRS = 8
-"""Pairs per particle to have room for at first; twice what dense packings of equal spheres have."""
+PAIRS, SIDES, SOME = 8, 3, 64
+"""Room at first: pairs per particle, twice what dense packings of equal spheres have; sides of colliders per particle; and
+what comes to both."""
 TURNS, MOST_TURNS, ROUGHLY_SETTLED = 20, 60, 0.02
 """Turns through all pairs in a step at most; how many there may be while approaches are not settled even roughly, to this
 part of the largest that forces have brought about, in the root mean square. What is left is solved at once, or goes on in
@@ -129,22 +130,33 @@ class Impulses(NearLists, ImpulseColumns):
 
     def renewed(self) -> Self:
         forget(self.near)
-        near, bench, known = enlarged(self.near), self.bench, self.known
-        if self.report[LOST]:
-            self.report[LOST] = 0
-            room = 2 * bench.rows.shape[1]
-            bench = new_bench(room, bench.wall.size, bench.ends.size, bench.mark.size, bench.normal.dtype)
-            known = with_room(known, room + bench.wall.size)
-        if near is self.near and bench is self.bench:
+        return self.roomier()
+
+    def roomier(self) -> Self:
+        near = enlarged(self.near)
+        found = self if near is self.near else self._replace(near=near)
+        pairs, walls = self.report[WANTED:]
+        return found._with_room(int(pairs) * 5 // 4, int(walls) * 5 // 4) if self.cramped else found
+
+    @property
+    def cramped(self) -> bool:
+        pairs, walls = self.report[WANTED:]
+        return bool(pairs > self.bench.rows.shape[1] or walls > self.bench.wall.size)
+
+    def _with_room(self, pairs: int, walls: int) -> Self:
+        """The same with room for so many pairs and particles at colliders at least."""
+        pairs, walls = max(pairs, self.bench.rows.shape[1]), max(walls, self.bench.wall.size)
+        if (pairs, walls) == (self.bench.rows.shape[1], self.bench.wall.size):
             return self
-        return self._replace(near=near, bench=bench, known=known)
+        self.report[WANTED:] = 0
+        bench = new_bench(pairs, walls, self.bench.ends.size, self.bench.mark.size, self.bench.normal.dtype)
+        return self._replace(bench=bench, known=with_room(self.known, pairs + walls))
 
     def after(self, before: Interaction, place: Ints) -> Self:
         assert isinstance(before, Impulses)
         self.fed[:] = before.fed
-        return self._replace(
-            known=known_by(before.known, place, self.bench.mark.size, self.known.partner.size)
-        )
+        known = known_by(before.known, place, self.bench.mark.size, self.known.partner.size)
+        return self._replace(known=known)._with_room(before.bench.rows.shape[1], before.bench.wall.size)
 
     def among(self, rows: Ints, place: Ints) -> Self:
         known = known_by(self.known, place, rows.size, self.known.partner.size)
@@ -185,9 +197,7 @@ class Listed(NamedTuple):
                 self.bench.shift[0, k] = sign * p.x
                 self.bench.shift[1, k] = sign * p.y
                 self.bench.shift[2, k] = sign * p.z
-                self.report[COUNT] = k + 1
-            else:
-                self.report[LOST] = 1
+            self.report[COUNT] = k + 1
 
 
 @outlined
@@ -196,6 +206,8 @@ def list_touching(each: Any, t: Any) -> None:
     each.report[COUNT] = 0
     for g in range(each.near.begin.size):
         touching(each, g, Listed(each.bench, each.report), t)
+    each.report[WANTED] = max(each.report[WANTED], each.report[COUNT])
+    each.report[COUNT] = min(each.report[COUNT], each.bench.rows.shape[1])
 
 
 def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
@@ -277,7 +289,7 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     """Hard contacts among the particles of an island."""
     found = with_masses(site, near_pairs_of(site, pairs))
     count, colliders = site.whole.count, len(site.scenario.all_colliders)
-    walls, ends = (3 * count if colliders else 0) + 64, colliders * len(site.state) + 1
-    bench = new_bench(PAIRS * count + 64, walls, ends, count, site.dtype)
-    known = new_known(PAIRS * count + 64 + walls, count, site.dtype)
-    return Impulses(*found, bench, np.zeros(2, np.int64), np.zeros(1), known)
+    room, sides = PAIRS * count + SOME, (SIDES * count if colliders else 0) + SOME
+    bench = new_bench(room, sides, colliders * len(site.state) + 1, count, site.dtype)
+    known = new_known(room + sides, count, site.dtype)
+    return Impulses(*found, bench, np.zeros(3, np.int64), np.zeros(1), known)

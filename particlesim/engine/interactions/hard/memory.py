@@ -59,8 +59,8 @@ def new_known(room: int, particles: int, dtype: Any) -> Known:
 
 
 def with_room(known: Known, room: int) -> Known:
-    """The same with room for more contacts."""
-    more = new_known(room, known.begin.size - 1, known.push.dtype)
+    """The same with room for so many contacts at least."""
+    more = new_known(max(room, known.partner.size), known.begin.size - 1, known.push.dtype)
     for mine, theirs in zip(more, known, strict=True):
         mine[: len(theirs)] = theirs
     return more

@@ -20,6 +20,7 @@ from particlesim.engine.interactions.hard.bench import (
     REST,
     RUBS,
     THROWN,
+    WALLS_WANTED,
     WORK,
 )
 from particlesim.engine.interactions.hard.turns import give, given_at, held_by
@@ -107,6 +108,8 @@ def list_side(
     """List a particle at one side of a collider; returns the end of the list."""
     bench, w = each.bench, each.bench.wall_normal
     if end >= bench.wall.size:
+        # one is missed at least, and others may be
+        each.report[WALLS_WANTED] = 2 * end
         return end
     dx, dy, dz = p.vx - before[3, i], p.vy - before[4, i], p.vz - before[5, i]
     bench.wall[end], bench.collider[end] = i, number
