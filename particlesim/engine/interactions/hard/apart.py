@@ -12,9 +12,17 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined
-from particlesim.engine.interactions.hard.at_once import FIRST, FOUND, GIVEN, NUMBER, RATE, SCALE, SECOND
+from particlesim.engine.interactions.hard.at_once import (
+    FIRST,
+    FOUND,
+    GIVEN,
+    LEFT,
+    NUMBER,
+    RATE,
+    SCALE,
+    SECOND,
+)
 from particlesim.engine.interactions.hard.bench import COUNT, KEPT, NEAR_WALL, PAIRED, WAY
-from particlesim.engine.interactions.hard.turns import GENTLY
 from particlesim.engine.interactions.touching import line_between
 from particlesim.engine.state.columns import type_of
 
@@ -73,14 +81,15 @@ def begin_apart(each: Any, c: Any, chosen: Any) -> Any:
     most that is asked for [m]."""
     bench, row, of, r, most = each.bench, each.bench.desk.contacts, each.bench.desk.of, c.r, 0.0
     for k in range(chosen.pairs + chosen.walls):
-        row[RATE, k] = row[GIVEN, of[NUMBER, k]] = 0.0
+        row[RATE, k] = row[LEFT, k] = row[GIVEN, of[NUMBER, k]] = 0.0
     for k in range(chosen.pairs):
         i, j = of[FIRST, k], of[SECOND, k]
         least = min(r[i], r[j])
         _, _, _, apart = line_between(c, i, j, bench.shift, of[NUMBER, k])
         overlap = r[i] + r[j] - apart - type_of(apart, SLACK) * least
         if overlap > 0:
-            by = float(min(type_of(apart, 0.5) * overlap, type_of(apart, GENTLY) * least))
+            may = r[i] + r[j] - apart - bench.normal[KEPT, of[NUMBER, k]]
+            by = float(min(type_of(apart, 0.5) * overlap, may))
             row[RATE, k] = -row[SCALE, k] * by
             most = max(most, by)
     return most

@@ -34,15 +34,16 @@ UNCOUNTED = 1 << 62
 """What the number of particles of a cluster is below by as long as its own particle is not counted."""
 STEP = 1.8
 """Steps against the gradient over the inverse of the largest eigenvalue: below 2 they lose energy."""
-GIVEN, FOUND, PUSH, RATE, WAY, ANSWER, SCALE, X, Y, Z = range(10)
+GIVEN, FOUND, PUSH, RATE, WAY, ANSWER, SCALE, X, Y, Z, LEFT = range(11)
 """Rows of `Desk.contacts`. By the numbers of pairs, and after them of particles at walls: what they have been given at rest,
 and what is found, as changes of the speed along the normal [m/s]. Of those that are solved for, one after the other:
-unknowns √(w₁ + w₂) λ, the gradient, the direction, what it changes the gradient by, 1/√(w₁ + w₂), and the normal."""
+unknowns √(w₁ + w₂) λ, the gradient, the direction, what it changes the gradient by, 1/√(w₁ + w₂), and the normal; and what
+of their impulses is left as it is [m/s]."""
 NUMBER, FIRST, SECOND = range(3)
 """Rows of `Desk.of`: the number of what is solved for, and its particles."""
-PARENT, PARTICLES, TOUCHES, STANDS, APPROACHES = range(5)
+PARENT, PARTICLES, TOUCHES, STANDS, APPROACHES, LIVELY = range(6)
 """Rows of `Desk.cluster`: a particle of the same cluster; of the one that stands for it, how many particles and pairs there
-are, and whether something holds it that nothing moves, and whether something in it still approaches."""
+are, and whether something holds it that nothing moves, something in it still approaches, and something has rebounded."""
 
 
 LEAST, PARTING, ALONG = 3, 4, 5
@@ -51,8 +52,8 @@ than 0 of what has rebounded; how fast the wall moves along the normal [m/s]."""
 
 
 class Desk(NamedTuple):
-    """Room to work in: rows of contacts [10, contacts] and of their particles [3, contacts], changes of velocities [3, n],
-    and clusters [5, n]."""
+    """Room to work in: rows of contacts [11, contacts] and of their particles [3, contacts], changes of velocities [3, n],
+    and clusters [6, n]."""
 
     contacts: Any
     of: Any
@@ -70,8 +71,8 @@ class Chosen(NamedTuple):
 
 def new_desk(contacts: int, particles: int) -> Desk:
     """Room for some contacts."""
-    of, cluster = np.zeros((3, contacts), np.int64), np.zeros((5, particles), np.int64)
-    return Desk(np.zeros((10, contacts)), of, np.zeros((3, particles)), cluster)
+    of, cluster = np.zeros((3, contacts), np.int64), np.zeros((6, particles), np.int64)
+    return Desk(np.zeros((11, contacts)), of, np.zeros((3, particles)), cluster)
 
 
 def root(cluster: Any, i: Any) -> Any:
@@ -112,19 +113,25 @@ def join(bench: Any, a: Any, pairs: Any, walls: Any) -> None:
 def alone(cluster: Any, i: Any) -> None:
     """A particle that touches none yet."""
     cluster[PARENT, i], cluster[PARTICLES, i] = i, -UNCOUNTED
-    cluster[TOUCHES, i] = cluster[STANDS, i] = cluster[APPROACHES, i] = 0
+    cluster[TOUCHES, i] = cluster[STANDS, i] = cluster[APPROACHES, i] = cluster[LIVELY, i] = 0
 
 
 def wanted(cluster: Any, i: Any) -> Any:
-    """Whether the cluster of a particle is to be solved: one with few pairs that stands on something and is not at rest."""
+    """Whether the cluster of a particle is to be solved: one with few pairs that stands on something or has rebounded, and
+    is not at rest."""
     at = root(cluster, i)
     few = float(cluster[TOUCHES, at]) <= FEW * float(cluster[PARTICLES, at])
-    return few & (cluster[STANDS, at] > 0) & (cluster[APPROACHES, at] > 0)
+    return few & (cluster[STANDS, at] + cluster[LIVELY, at] > 0) & (cluster[APPROACHES, at] > 0)
+
+
+def left_as_it_is(row: Any, cluster: Any, i: Any, k: Any) -> Any:
+    """What contact k of particle i has been given, where something has rebounded: that is not taken back."""
+    return row[GIVEN, k] if cluster[LIVELY, root(cluster, i)] > 0 else 0.0
 
 
 @outlined
 def see(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> None:
-    """Find out in which clusters something still approaches, and leave out those in which something has rebounded."""
+    """Find out in which clusters something still approaches, and in which something has rebounded."""
     cluster = bench.desk.cluster
     for k in range(pairs):
         i, j = bench.rows[0, k], bench.rows[1, k]
@@ -134,10 +141,10 @@ def see(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> None:
         if (-rate > calm) & (a[i] + a[j] > 0):
             cluster[APPROACHES, at] = 1
         if bench.normal[PARTING, k] > 0:
-            cluster[STANDS, at] = 0
+            cluster[LIVELY, at] = 1
     for q in range(walls):
         if bench.wall_normal[PARTING, q] > 0:
-            cluster[STANDS, root(cluster, bench.wall[q])] = 0
+            cluster[LIVELY, root(cluster, bench.wall[q])] = 1
 
 
 @outlined
@@ -159,6 +166,7 @@ def choose(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> Cho
         if both > 0 and wanted(cluster, i if a[i] > 0 else j):
             of[NUMBER, m], of[FIRST, m], of[SECOND, m], row[SCALE, m] = k, i, j, 1.0 / np.sqrt(both)
             row[X, m], row[Y, m], row[Z, m] = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
+            row[LEFT, m] = left_as_it_is(row, cluster, i if a[i] > 0 else j, k)
             m += 1
     n = m
     for q in range(walls):
@@ -168,6 +176,7 @@ def choose(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> Cho
             of[NUMBER, n], of[FIRST, n], row[SCALE, n] = pairs + q, i, 1.0 / np.sqrt(float(a[i]))
             normal = bench.wall_normal
             row[X, n], row[Y, n], row[Z, n] = normal[0, q], normal[1, q], normal[2, q]
+            row[LEFT, n] = left_as_it_is(row, cluster, i, pairs + q)
             n += 1
     for k in range(m):
         i, j = of[FIRST, k], of[SECOND, k]
@@ -207,7 +216,7 @@ def find(desk: Any, a: Any, chosen: Any, calm: Any) -> Any:
     """
     row, number, n, step = desk.contacts, desk.of[NUMBER], chosen.pairs + chosen.walls, STEP / chosen.largest
     for k in range(n):
-        row[PUSH, k] = row[SCALE, k] * row[GIVEN, number[k]]
+        row[PUSH, k] = row[SCALE, k] * (row[GIVEN, number[k]] - row[LEFT, k])
     take_way(row, n)
     worst, iterations = left_over(row, n), 0
     while (worst > calm) & (iterations < MOST):
@@ -232,7 +241,7 @@ def find(desk: Any, a: Any, chosen: Any, calm: Any) -> Any:
         worst = left_over(row, n)
         iterations += 1
     for k in range(n):
-        change = row[PUSH, k] / row[SCALE, k]
+        change = row[PUSH, k] / row[SCALE, k] + row[LEFT, k]
         row[FOUND, number[k]], row[GIVEN, number[k]] = change - row[GIVEN, number[k]], change
     return worst
 

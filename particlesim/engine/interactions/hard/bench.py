@@ -18,9 +18,11 @@ ARM, KEPT, PARTS, SHARE, SPINS, LATER = 5, 6, 7, 9, 10, 12
 impacts of the step have done so [m/s]: distance over sum of radii; the overlap down to which the two are moved apart [m]; of
 a change of their relative velocity, the part of each of the two [2], which part of sliding it has to be to end that, and by
 how much it turns each of them [2] [1/m]; what forces add to their approach after an impact in the step [m/s]."""
-OWN, RUBS = 6, 9
-"""Rows of `wall_normal` after the normal, LEAST, PARTING and ALONG: the velocity of the surface [m/s], and the coefficient
-of its friction at rest."""
+OWN, RUBS, ABOVE = 6, 9, 10
+"""Rows of `wall_normal` after the normal, LEAST, PARTING and ALONG: the velocity of the surface [m/s], the coefficient
+of its friction at rest, and how far above it a particle is that does not touch it [m]."""
+FREE, BOUNCY = -1, -2
+"""Values of LEAST of what does not lie on its wall, where that is elastic, too."""
 LIMIT = 3
 """Row of `held` after the friction: how much of it there is at most, over what pushes, as it slides or not."""
 TURN, WORK, GAIN, SQUARE, WAY = 3, 6, 7, 8, 9
@@ -37,7 +39,7 @@ class Bench(NamedTuple):
     """Room to work in: rows of pairs [2, room], the smaller one first; normals and more of pairs [13, room]; what to add to
     the difference of their places for the nearest image [3, room] [m].
 
-    Rows of particles at colliders [walls], their normals and more [10, walls], the numbers of their colliders [walls], and
+    Rows of particles at colliders [walls], their normals and more [11, walls], the numbers of their colliders [walls], and
     where those at each collider of each group end. Of pairs, and after them of particles at walls: the friction that they
     have been given at rest, as a change of velocity [m/s], and its LIMIT [4, room + walls].
 
@@ -66,7 +68,7 @@ def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any) -> B
         np.zeros((13, room), dtype),
         np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),
-        np.zeros((10, walls), dtype),
+        np.zeros((11, walls), dtype),
         np.zeros(walls, np.int64),
         np.zeros(ends, np.int64),
         np.zeros((4, room + walls), dtype),

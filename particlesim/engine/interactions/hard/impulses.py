@@ -214,7 +214,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """Impulses and displacements of all pairs that touch."""
     list_touching(each, t)
     mark_pairs(each)
-    walls = watch_walls(each, parts, c, before, t)
+    walls = watch_walls(each, parts, c, before, t, h)
     if each.report[COUNT] > 0:
         calm = look_at(each, c, before, walls, h)
         note_speeds(each, c)

@@ -23,6 +23,7 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import GIVEN, LEAST, root
 from particlesim.engine.interactions.hard.bench import (
+    ABOVE,
     COUNT,
     GAIN,
     LIMIT,
@@ -110,7 +111,8 @@ def _recall_walls(each: Any, c: Any, walls: Any) -> bool:
     for q in range(walls):
         # what has left a collider for a moment begins anew
         w, i = bench.wall_normal, bench.wall[q]
-        other = -1 - bench.collider[q] if w[LEAST, q] >= 0 else each.known.begin.size
+        lies = (w[LEAST, q] >= 0) & (w[ABOVE, q] <= 0)
+        other = -1 - bench.collider[q] if lies else each.known.begin.size
         u = (c.vx[i] - w[OWN, q], c.vy[i] - w[OWN + 1, q], c.vz[i] - w[OWN + 2, q])
         at = root(bench.desk.cluster, i)
         some = some | (_recall(each, c, each.report[COUNT] + q, i, other, at, u, w, q, w[RUBS, q]) > 0)

@@ -18,8 +18,10 @@ from particlesim.engine.interactions.hard.at_once import (
     root,
 )
 from particlesim.engine.interactions.hard.bench import (
+    ABOVE,
     ARM,
     COUNT,
+    FREE,
     KEPT,
     LATER,
     LIMIT,
@@ -77,6 +79,13 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
             change[at] = max(change[at], np.sqrt(x * x + y * y + z * z))
         if (bench.mark[i] & PAIRED) != 0:
             bench.start[WAY, i] = way_of(c, before, i, float(h))
+    for q in range(walls):  # hops that are as short as what forces bring about in a step are rest
+        n, at = bench.wall_normal, root(cluster, bench.wall[q])
+        if (n[LEAST, q] == FREE) & (n[ABOVE, q] < rest * type_of(most, h) * change[at]):
+            n[LEAST, q] = rest * change[at]
+            cluster[STANDS, at] = 1
+        elif (n[LEAST, q] > 0) & ((bench.mark[bench.wall[q]] & THROWN) != 0) & (change[at] > 0):
+            n[LEAST, q] = rest * change[at]
     for k in range(each.report[COUNT]):
         i, j = bench.rows[0, k], bench.rows[1, k]
         x, y, z = float(c.vx[i] - c.vx[j]), float(c.vy[i] - c.vy[j]), float(c.vz[i] - c.vz[j])

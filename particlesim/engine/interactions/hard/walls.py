@@ -13,7 +13,10 @@ from particlesim.colliders.response import along_surface, bounce_at, put_back
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import ALONG, FOUND, GIVEN, LEAST, PARTING, root
 from particlesim.engine.interactions.hard.bench import (
+    ABOVE,
+    BOUNCY,
     COUNT,
+    FREE,
     NEAR_WALL,
     OWN,
     PAIRED,
@@ -51,12 +54,12 @@ def whole(n: Any, like: Any) -> Any:
     return tuple(type_of(like, 0) if axis is None else axis for axis in n)
 
 
-def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any) -> Any:
+def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> Any:
     """List particles in pairs that are near a collider, collider after collider; returns how many there are."""
     end, k = each.report[COUNT] - each.report[COUNT], 0
     for part in parts:
         for collider in colliders_of(part):
-            end = watch_wall(each, collider, k, c, before, t, part.first, part.last, end)
+            end = watch_wall(each, collider, k, c, before, t, h, part.first, part.last, end)
             each.bench.ends[k] = end
             k += 1
     return end
@@ -64,7 +67,16 @@ def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any) -> Any:
 
 @outlined
 def watch_wall(
-    each: Any, collider: Any, number: Any, c: Any, before: Any, t: Any, first: Any, last: Any, end: Any
+    each: Any,
+    collider: Any,
+    number: Any,
+    c: Any,
+    before: Any,
+    t: Any,
+    h: Any,
+    first: Any,
+    last: Any,
+    end: Any,
 ) -> Any:
     """List those of particles [first, last) in pairs that are near a collider, in a corner once for each of its sides;
     returns the end of the list."""
@@ -75,14 +87,14 @@ def watch_wall(
                 p = fetch(c, i, t)
                 g, n = gap_and_normal(collider.shape, p)
                 if g < type_of(g, NEAR_WALL) * p.r:
-                    end = list_side(each, collider, number, c, before, i, p, g, whole(n, g), end)
+                    end = list_side(each, collider, number, c, before, h, i, p, g, whole(n, g), end)
                     if not isinstance(collider.shape, FLAT):
-                        end = list_corner(each, collider, number, c, before, i, p, whole(n, g), end)
+                        end = list_corner(each, collider, number, c, before, h, i, p, whole(n, g), end)
     return end
 
 
 def list_corner(
-    each: Any, collider: Any, number: Any, c: Any, before: Any, i: Any, p: Any, n: Any, end: Any
+    each: Any, collider: Any, number: Any, c: Any, before: Any, h: Any, i: Any, p: Any, n: Any, end: Any
 ) -> Any:
     """List further sides of a collider that a particle is near, seen from places further away from those that are known."""
     w, far = each.bench.wall_normal, type_of(p.r, NEAR_WALL) * p.r
@@ -97,13 +109,23 @@ def list_corner(
             new = new & (w[0, q] * m[0] + w[1, q] * m[1] + w[2, q] * m[2] < type_of(g, SAME_SIDE))
         g -= x * m[0] + y * m[1] + z * m[2]
         if new & (g < far):
-            end = list_side(each, collider, number, c, before, i, p, g, m, end)
+            end = list_side(each, collider, number, c, before, h, i, p, g, m, end)
             x, y, z = x + far * m[0], y + far * m[1], z + far * m[2]
     return end
 
 
 def list_side(
-    each: Any, collider: Any, number: Any, c: Any, before: Any, i: Any, p: Any, g: Any, n: Any, end: Any
+    each: Any,
+    collider: Any,
+    number: Any,
+    c: Any,
+    before: Any,
+    h: Any,
+    i: Any,
+    p: Any,
+    g: Any,
+    n: Any,
+    end: Any,
 ) -> Any:
     """List a particle at one side of a collider; returns the end of the list."""
     bench, w = each.bench, each.bench.wall_normal
@@ -114,14 +136,19 @@ def list_side(
     dx, dy, dz = p.vx - before[3, i], p.vy - before[4, i], p.vz - before[5, i]
     bench.wall[end], bench.collider[end] = i, number
     w[0, end], w[1, end], w[2, end] = n
-    lies = g < type_of(g, ON_WALL) * p.r
+    along = speed_along(collider, p, n)
+    leaves, thrown = p.vx * n[0] + p.vy * n[1] + p.vz * n[2] - along, dx * n[0] + dy * n[1] + dz * n[2] > 0
+    # what has been thrown back in the step has touched it
+    lies = (g < type_of(g, ON_WALL) * p.r) | (thrown & (g <= type_of(g, h) * leaves))
     least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
-    w[LEAST, end], w[PARTING, end] = least if lies else type_of(g, -1), 0
-    w[ALONG, end] = speed_along(collider, p, n)
+    free = type_of(g, FREE if collider.response.bounce < 2 else BOUNCY)
+    w[LEAST, end], w[PARTING, end] = least if lies else free, 0
+    w[ABOVE, end] = type_of(g, 0) if lies else g
+    w[ALONG, end] = along
     for axis, u in enumerate(surface_of(collider, c, p, n)):
         w[OWN + axis, end] = u
     w[RUBS, end] = static_of(collider, c)
-    if dx * n[0] + dy * n[1] + dz * n[2] > 0:
+    if thrown:
         bench.mark[i] = PAIRED | THROWN
     return end + 1
 
@@ -175,8 +202,9 @@ def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any
         n = (w[0, q], w[1, q], w[2, q])
         rate = c.vx[i] * n[0] + c.vy[i] * n[1] + c.vz[i] * n[2] - w[ALONG, q]
         given = type_of(rate, bench.desk.contacts[GIVEN, k])
-        if (least >= 0) & ((rate < 0) | (given > 0)):
-            lively = (-rate > least) | ((response.bounce >= 2) & (rate < 0))
+        lively = (-rate > least) | ((response.bounce >= 2) & (rate < 0))
+        # what is above it will hit it in the next step
+        if (least >= 0) & ((rate < 0) | (given > 0)) & ((w[ABOVE, q] <= 0) | (not lively)):
             e = bounce_at(response, rate) - type_of(rate, 1)
             change, push = given_at(bench, k, w, q, -rate, rate - rate, e, lively)
             push_at_wall(each, c, q, change * n[0], change * n[1], change * n[2])
