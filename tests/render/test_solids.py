@@ -412,17 +412,18 @@ def test_the_surface_of_a_fluid_is_as_large_as_the_scene_and_shows_what_is_below
 
 
 def test_what_reaches_below_all_particles_is_as_bright_there(plain):
-    # A slab that hangs down from where the particles are, seen from the front: its face is the same everywhere.
-    slab = {"type": "box", "center": [0, -1, 0], "size": [2, 2, 0.5]}
+    # A slope towards the camera, from above the particles to below them: it had been dark at its lower end.
+    turned = {"axis": [1, 0, 0], "angle": 45}
+    slope = {"type": "box", "size": [3, 0.1, 3], "orientation": turned}
     scenario = ps.Scenario.model_validate(
         {
             "simulation": {"duration": 1, "dt": 0.1, "integrator": "velocity_verlet"},
-            "particles": [{"layout": {"type": "points", "position": [[-1.5, -0.5, 0], [1.5, 0.5, 0]]}}],
-            "colliders": [slab],
+            "particles": [{"layout": {"type": "points", "position": [[-2, 0, 0], [2, 0.3, 0]]}}],
+            "colliders": [slope],
         }
     )
     settings = plain(shadows=True, color_by="none", particle_radius=0.05)
-    source = single([[-1.5, -0.5, 0], [1.5, 0.5, 0]])
+    source = single([[-2, 0, 0], [2, 0.3, 0]])
     picture = render_frame(source, 0, settings, meshes=mesh_shapes(scenario)).astype(int)
-    upper, lower = picture[66, 80], picture[92, 80]
+    upper, lower = picture[51, 80], picture[63, 80]
     assert np.abs(upper - lower).max() <= 3
