@@ -409,3 +409,21 @@ def test_the_surface_of_a_fluid_is_as_large_as_the_scene_and_shows_what_is_below
     seen = dry[60, 40:70] - dry[5, 5]
     below = wet[60, 40:70] - wet[60, 80]
     assert np.abs(below).max() > 0.25 * np.abs(seen).max()  # and still to be seen
+
+
+def test_what_reaches_below_all_particles_is_as_bright_there(plain):
+    # A slope towards the camera, from above the particles to below them: it had been dark at its lower end.
+    turned = {"axis": [1, 0, 0], "angle": 45}
+    slope = {"type": "box", "size": [3, 0.1, 3], "orientation": turned}
+    scenario = ps.Scenario.model_validate(
+        {
+            "simulation": {"duration": 1, "dt": 0.1, "integrator": "velocity_verlet"},
+            "particles": [{"layout": {"type": "points", "position": [[-2, 0, 0], [2, 0.3, 0]]}}],
+            "colliders": [slope],
+        }
+    )
+    settings = plain(shadows=True, color_by="none", particle_radius=0.05)
+    source = single([[-2, 0, 0], [2, 0.3, 0]])
+    picture = render_frame(source, 0, settings, meshes=mesh_shapes(scenario)).astype(int)
+    upper, lower = picture[51, 80], picture[63, 80]
+    assert np.abs(upper - lower).max() <= 3

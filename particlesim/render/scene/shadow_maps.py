@@ -112,15 +112,17 @@ class Lamp:
         depth = depth_map(cast, axes, SKY_SIZE, reach, team)
         blur = int(np.clip(round(1.2 * self.typical * scale), 2, 24))
         mean, square = np.empty_like(depth), np.empty_like(depth)
-        base = self._lowest()
+        base = self._lowest(cast)
         raster.sky_moments(depth, base, blur, mean, square)
         return shadow, SkyMap(mean, square, axes, scale, base, max(2.0 * self.typical, 2.0 * blur / scale))
 
-    def _lowest(self) -> float:
-        """Height of the floor, or of the scene's bottom [scene units]."""
+    def _lowest(self, cast: Cast) -> float:
+        """Height of the floor, or of the bottom of the scene and of what stands in it [scene units]."""
         up = np.array(self.light.up)
         floors = (self.planes.point.astype(float) @ up)[(self.planes.normal @ up) > 0.7]
-        return float(floors.max()) if len(floors) else -float(np.abs(up) @ self.extent) / (2 * self.scale)
+        if len(floors):
+            return float(floors.max())
+        return min(-float(np.abs(up) @ self.extent) / (2 * self.scale), float((cast.world @ up).min()))
 
 
 def _map_axes(towards: Triple) -> Axes:
