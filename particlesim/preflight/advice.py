@@ -1,4 +1,4 @@
-"""Warnings of choices in a scenario that are legal and seldom meant, for `psim check` and the end of a run."""
+"""Warnings of choices in a scenario that are legal and seldom meant, for `psim check` and the start of a run."""
 
 from __future__ import annotations
 
