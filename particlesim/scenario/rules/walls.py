@@ -97,7 +97,7 @@ def _planes_without_place(planes: list[tuple[Path, Plane]]) -> Iterator[tuple[Pa
     rows = np.hstack([-normals, np.ones((len(planes), 1))])
     bounds = [(None, None)] * 3 + [(None, 1.0)]
     found = linprog([0, 0, 0, -1], A_ub=rows, b_ub=-offsets / scale, bounds=bounds)
-    if found.success and found.x[3] < -NOWHERE:
+    if found.x is not None and found.success and found.x[3] < -NOWHERE:
         needed = [
             path for (path, _), dual in zip(planes, found.ineqlin.marginals, strict=True) if dual < -1e-9
         ]
