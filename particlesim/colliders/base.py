@@ -213,6 +213,10 @@ class Collider(Rubbing, Model):
                 what += f", μ = {static:g}" if static == kinetic else f", μ = {static:g} and {kinetic:g}"
         return f"{self.describe()}, {what}, {self.detection}"
 
+    def early(self, radius: float) -> float:
+        """How much too early balls of a radius may touch it [m]."""
+        return 0.0
+
     def doubts(self, name: str, lightest: float | None, dt: float) -> Iterator[str]:
         """A sentence for each choice that is legal and seldom meant, before steps of dt [s]; `lightest` is the mass [kg]
         of the lightest particle that it holds back, where that is known.

@@ -9,9 +9,10 @@ from annotated_types import Gt
 from pydantic import PrivateAttr
 
 from particlesim.colliders.content import SolidFromFile
-from particlesim.colliders.level_set import BAND, LevelRecord
+from particlesim.colliders.level_set import BAND, LevelRecord, early, is_cut
+from particlesim.colliders.levels import LevelsRecord, levels_of
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows, placed
-from particlesim.colliders.sampled import SampledRecord, at_places, spline, steepest
+from particlesim.colliders.sampled import SampledRecord, at_places, cells, spline
 from particlesim.colliders.solid import GRAIN, SolidCollider
 from particlesim.colliders.surface_net import surface_net
 from particlesim.colliders.triangulation import Triangles
@@ -48,6 +49,7 @@ class DistanceGrid(SolidFromFile):
 
     _field: SampledRecord | None = PrivateAttr(default=None)
     _steep: float = PrivateAttr(default=1.0)
+    _levels: LevelsRecord | None = PrivateAttr(default=None)
 
     @property
     def steps(self) -> Vector3:
@@ -69,7 +71,8 @@ class DistanceGrid(SolidFromFile):
             )
         coefficients = spline(content)
         self._field = SampledRecord(coefficients, self.steps)
-        self._steep = steepest(coefficients, self.steps)
+        low, high, steep = cells(coefficients, self.steps)
+        self._steep, self._levels = float(steep.max()), levels_of(low, high, steep)
         self._content = content
 
     def extent(self) -> Vector3:
@@ -85,10 +88,10 @@ class DistanceGrid(SolidFromFile):
     def level(self, side: float) -> Any:
         """The solid, or its inside (−1), as kernels take it."""
         assert self._field is not None, "the file has not been read"
+        assert self._levels is not None, "the file has not been read"
         size = self.extent()
-        level = LevelRecord(
-            self._field, (0.0, 0.0, 0.0), size, self._steep, BAND * max(size), self.grain(), side
-        )
+        band, low, cut = BAND * max(size), (0.0, 0.0, 0.0), is_cut(self._content)
+        level = LevelRecord(self._field, low, size, self._steep, self._levels, cut, band, self.grain(), side)
         return placed(level, self.origin, self.rotation())
 
     def geometry(self) -> Any:
@@ -99,6 +102,11 @@ class DistanceGrid(SolidFromFile):
 
     def farthest(self) -> float:
         return max(map(abs, self.origin)) + norm(self.extent())
+
+    def early(self, radius: float) -> float:
+        """How much too early balls of a radius may touch it [m]."""
+        axes = [step * np.arange(n) for step, n in zip(self.steps, self._content.shape, strict=True)]
+        return early(self._content, axes, radius)
 
     def words(self) -> str:
         x, y, z = self.origin

@@ -121,7 +121,7 @@ def _beyond(c: Any, x: Any, y: Any, z: Any, piece: Any) -> Any:
 def _edge(ends: Any, piece: Any, k: Any, x: Any, y: Any, z: Any, scale: Any) -> Any:
     """The nearest place with φ = 0 on a piece and at kink k, or side, and whether it was found."""
     face, tiny = FaceRecord(ends.field.pieces, piece), 2.0**-51 * scale
-    sx, sy, sz = x, y, z
+    sx, sy, sz = (min(max(u, ends.low[k]), ends.high[k]) for k, u in enumerate((x, y, z)))
     found = False
     for _ in range(MOST_TURNS):
         v, a, b, c = face_and_slope(face, sx, sy, sz)
@@ -247,17 +247,20 @@ def close_kinks(f: Any, piece: Any, x: Any, y: Any, z: Any, reach: Any) -> Any:
 
 
 @outlined
-def nearest_foot(foot: Any, c: Any, x: Any, y: Any, z: Any, scale: Any) -> Any:
-    """The signed distance of a place from the surface φ = 0 [m], the unit normal there, and whether they were found. `foot`
-    finds them for a face."""
+def nearest_foot(
+    foot: Any, c: Any, x: Any, y: Any, z: Any, px: Any, py: Any, pz: Any, scale: Any, far: Any
+) -> Any:
+    """The signed distance of a place from the surface φ = 0 [m], the unit normal there, and whether they were found; p is
+    the place, or one in the box where the search begins. `foot` finds them for a face, if `far` by descent, too."""
     f = c.field
-    outside = number(f.formula, x, y, z) > 0
-    own, tiny = own_piece(f, x, y, z), 2.0**-48 * scale
+    own, tiny = own_piece(f, px, py, pz), 2.0**-48 * scale
+    out = np.sqrt((x - px) * (x - px) + (y - py) * (y - py) + (z - pz) * (z - pz))
+    outside = (out > 0) | (number(f.formula, px, py, pz) > 0)
     best, known = Foot(0.0, 0.0, 1.0, 0.0, False), True
     near, turned, looks = 0, 0, 0
     while looks < MOST_FACES:
         piece = own ^ turned
-        at = Foot(*foot(FaceRecord(f.pieces, piece), x, y, z, scale))
+        at = Foot(*foot(FaceRecord(f.pieces, piece), x, y, z, px, py, pz, scale, far))
         ended = False
         if at.found and ((not best.found) or abs(at.d) < abs(best.d)):
             if not on_surface(c, x - at.d * at.nx, y - at.d * at.ny, z - at.d * at.nz, scale):
@@ -268,7 +271,7 @@ def nearest_foot(foot: Any, c: Any, x: Any, y: Any, z: Any, scale: Any) -> Any:
             # What decides at the place ends somewhere near; where is not known if it is too bent to tell.
             known = ended
             reach = abs(best.d) if best.found else (SPREAD * abs(at.d) if at.found else scale)
-            near = close_kinks(f, own, x, y, z, reach + tiny)
+            near = close_kinks(f, own, px, py, pz, reach + out + tiny)
             turned = near
         else:
             turned = (turned - 1) & near

@@ -10,8 +10,10 @@ from pydantic import Field, PrivateAttr, StringConstraints, model_validator
 
 from particlesim.colliders.box import Size
 from particlesim.colliders.cusps import cusp
+from particlesim.colliders.feet import FormulaRecord
 from particlesim.colliders.folds import MOST_KINKS, FoldedRecord, KinkRecord
-from particlesim.colliders.level_set import BAND, CreasedRecord, FormulaRecord, LevelRecord
+from particlesim.colliders.level_set import BAND, CreasedRecord, LevelRecord, early, is_cut
+from particlesim.colliders.levels import LevelsRecord, levels_of
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows, placed
 from particlesim.colliders.solid import GRAIN, Solid, SolidCollider
 from particlesim.colliders.steps import jump
@@ -61,6 +63,8 @@ class Formula(Solid):
     """How it is turned about its centre."""
 
     _steep: float = PrivateAttr(default=1.0)
+    _levels: LevelsRecord | None = PrivateAttr(default=None)
+    _cut: bool = PrivateAttr(default=False)
 
     @model_validator(mode="after")
     def _encloses(self) -> Formula:
@@ -101,7 +105,10 @@ class Formula(Solid):
                 hint='this is a collider of type "box"',
             )
         self._require_no_jump(values)
-        self._steep = STEEPER * _steepest(values, self._axes())
+        steep = STEEPER * _slopes(values, self._axes())
+        low, high = _range(values)
+        self._steep, self._levels = float(steep.max()), levels_of(low, high, steep)
+        self._cut = is_cut(values)
         self._require_slope()
         return self
 
@@ -170,21 +177,21 @@ class Formula(Solid):
         """The solid, or its inside (−1), as kernels take it."""
         a, b, c = (0.5 * each for each in self.size)
         low, high, band = (-a, -b, -c), (a, b, c), BAND * max(self.size)
+        assert self._levels is not None, "it has not been looked at"
+        known = (low, high, self._steep, self._levels, self._cut, band, self.grain(), side)
         node = self.node()
         pieces, kinks = folded(node)
         if 0 < len(kinks) <= MOST_KINKS:
             field = FoldedRecord(node, pieces, tuple(map(self._kink, kinks)))
-            creased = CreasedRecord(field, low, high, self._steep, band, self.grain(), side)
-            return placed(creased, self.center, self.rotation())
-        level = LevelRecord(FormulaRecord(node), low, high, self._steep, band, self.grain(), side)
-        return placed(level, self.center, self.rotation())
+            return placed(CreasedRecord(field, *known), self.center, self.rotation())
+        return placed(LevelRecord(FormulaRecord(node), *known), self.center, self.rotation())
 
     def _kink(self, kink: Kink) -> KinkRecord:
         """A kink with a bound of its slope."""
         axes = self._axes()
-        steep = _steepest(value_at(kink.written, *np.meshgrid(*axes, indexing="ij")), axes)
+        steep = _slopes(value_at(kink.written, *np.meshgrid(*axes, indexing="ij")), axes).max()
         # where it has no value at some places, none is too far from it
-        return KinkRecord(kink.pieces, STEEPER * steep if np.isfinite(steep) else np.finfo(float).max)
+        return KinkRecord(kink.pieces, STEEPER * float(steep) if np.isfinite(steep) else np.finfo(float).max)
 
     def geometry(self) -> Any:
         return self.level(1.0)
@@ -195,6 +202,10 @@ class Formula(Solid):
     def farthest(self) -> float:
         return max(map(abs, self.center)) + norm(self.size) / 2
 
+    def early(self, radius: float) -> float:
+        """How much too early balls of a radius may touch it [m]."""
+        return early(self._values(), self._axes(), radius)
+
     def words(self) -> str:
         x, y, z = self.center
         return f"{self.distance} < 0 at ({x:g}, {y:g}, {z:g})"
@@ -203,17 +214,29 @@ class Formula(Solid):
         return surface_net(self._values(), self._axes(), self._at).placed(self.center, self.rotation())
 
 
-def _steepest(values: Floats, axes: list[Floats]) -> float:
-    """The largest slope of numbers over a grid."""
-    rise = [np.diff(values, axis=k) / (axes[k][1] - axes[k][0]) for k in range(3)]
-    cells = [np.abs(each) for each in rise]
+def _slopes(values: Floats, axes: list[Floats]) -> Floats:
+    """The largest slope of numbers over a grid in each of its cells."""
+    square: Floats = np.zeros(1)
     for k in range(3):
-        for other in range(3):
-            if other != k:
-                low, high = [slice(None)] * 3, [slice(None)] * 3
-                low[other], high[other] = slice(None, -1), slice(1, None)
-                cells[k] = np.maximum(cells[k][tuple(low)], cells[k][tuple(high)])
-    return float(np.sqrt(sum(each**2 for each in cells).max()))
+        rise = np.abs(np.diff(values, axis=k)) / (axes[k][1] - axes[k][0])
+        square = square + _at_corners(np.maximum, rise, [other for other in range(3) if other != k]) ** 2
+    return np.sqrt(square)
+
+
+def _range(values: Floats) -> tuple[Floats, Floats]:
+    """Bounds of numbers over a grid in each of its cells, half as far again beyond those at its corners on both sides."""
+    low, high = (_at_corners(each, values, [0, 1, 2]) for each in (np.minimum, np.maximum))
+    beyond = 0.5 * (high - low)
+    return low - beyond, high + beyond
+
+
+def _at_corners(which: np.ufunc, values: Floats, along: list[int]) -> Floats:
+    """The least or the largest number at the corners of each cell, along some axes."""
+    for axis in along:
+        first, second = [slice(None)] * 3, [slice(None)] * 3
+        first[axis], second[axis] = slice(None, -1), slice(1, None)
+        values = which(values[tuple(first)], values[tuple(second)])
+    return values
 
 
 class FormulaCollider(Formula, SolidCollider):

@@ -1,33 +1,30 @@
 """Level sets: solids where a function φ of the place is negative, inside of a box.
 
-φ need not be a distance. Two things are known of it: its value, and a bound L of its slope, so that the surface is at least
-|φ|/L away. Near the surface the distance is that to the foot s of a place x, where φ(s) = 0 and x − s is along ∇φ(s): s is
-brought there by going to the foot of x on the tangent plane at s, again and again,
+φ need not be a distance. Two things are known of it: its value, and bounds of its slope between levels of φ, so that the
+surface is at least ∫dφ/L(φ) away (`levels`). Near the surface the distance is that to the foot of a place (`feet`): as far
+as `band`, and where the bound is less than a particle's radius, so that it may touch. Farther away, and where no foot is
+found, the gap is the bound. Of a φ with kinks every face is looked at (`folds`).
 
-    s' = x − (φ(s) + ∇φ(s)·(x − s)) ∇φ(s)/|∇φ(s)|²,
+Feet are looked for from outside of the box, too. Where the box cuts the solid off, they are not: there the gap is √(d² + g²)
+with the nearest place of the box d away and g the gap there, which is no more than the distance, and has no jumps.
 
-which converges quadratically on the surface, and by the factor d/R at a distance d from it, with R its radius of curvature.
-Farther away, and where that does not converge, the gap is the bound. Of a φ with kinks every face is looked at (`folds`).
-
-Outside of the box, which cuts the solid off, the gap is √(d² + g²) with the nearest place of the box d away and g the gap
-there.
-
-Sources: J. C. Hart, Sphere tracing, The Visual Computer 12, 527 (1996); E. Hartmann, On the curvature of curves and surfaces
-defined by normalforms, Computer Aided Geometric Design 16, 355 (1999): feet of points on implicit surfaces.
+Source: J. C. Hart, Sphere tracing, The Visual Computer 12, 527 (1996).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.colliders.folds import FaceRecord, FoldedRecord, face_and_slope, nearest_foot
-from particlesim.colliders.sampled import SampledRecord, sampled, sampled_slope
+from particlesim.colliders.feet import FormulaRecord, foot, level, level_and_slope
+from particlesim.colliders.folds import FoldedRecord, in_box, nearest_foot
+from particlesim.colliders.levels import LevelsRecord, from_surface
+from particlesim.colliders.sampled import SampledRecord
 from particlesim.colliders.solid import PARTS
 from particlesim.colliders.way import longest, marched_contact, way_of
 from particlesim.compiler import outlined
-from particlesim.expressions.operations import Ray, slope, value
 from particlesim.laws.registry import (
     Particle,
     Vector,
@@ -40,31 +37,30 @@ from particlesim.laws.registry import (
     normal,
     thinnest,
 )
-
-MOST_TURNS = 32
-"""Turns of the search for a foot: enough up to half the radius of curvature."""
-
-SAME = 1 - 1e-12
-"""Square of the cosine between slopes of one face where its foot is found."""
+from particlesim.model.arrays import Floats
 
 BAND = 0.25
 """How far from the surface feet are looked for, in parts of the longest side of the box."""
 
-
-class FormulaRecord(NamedTuple):
-    """An expression of x, y and z."""
-
-    formula: Any
+ROOM = 0.98
+"""Part of the radius of balls within which a solid that is cut may be to a side of its box that does not cut it."""
+DOUBTFUL = 1.5
+"""A foot is looked for elsewhere, too, if it is so many times as far as the bound."""
+HALVINGS = 20
+"""Halvings after which a place of the surface is near enough to begin with."""
 
 
 class LevelRecord(NamedTuple):
-    """φ, the low and the high corner of the box [m]; a bound of its slope; how far from the surface the distance is looked
-    for, and the shortest step of a search [m]; which side particles are on: 1 outside, −1 inside."""
+    """φ, the low and the high corner of the box [m]; bounds of its slope, of all of it and by levels; whether the sides of
+    the box cut the solid; how far from the surface the distance is looked for, and the shortest step of a search [m]; which
+    side particles are on: 1 outside, −1 inside."""
 
     field: FormulaRecord | SampledRecord
     low: tuple[float, float, float]
     high: tuple[float, float, float]
     steep: float
+    levels: LevelsRecord
+    cut: bool
     band: float
     grain: float
     side: float
@@ -77,80 +73,14 @@ class CreasedRecord(NamedTuple):
     low: tuple[float, float, float]
     high: tuple[float, float, float]
     steep: float
+    levels: LevelsRecord
+    cut: bool
     band: float
     grain: float
     side: float
 
 
 AnyLevel = LevelRecord | CreasedRecord
-
-
-def level(f: Any, x: Any, y: Any, z: Any) -> Any:
-    """φ at a place."""
-    if isinstance(f, SampledRecord):
-        return sampled(f, x, y, z)
-    return value(f.formula, Particle(x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
-
-
-@outlined
-def level_and_slope(f: Any, x: Any, y: Any, z: Any) -> Any:
-    """φ and its gradient at a place."""
-    if isinstance(f, SampledRecord):
-        return sampled_slope(f, x, y, z)
-    if isinstance(f, FaceRecord):
-        return face_and_slope(f, x, y, z)
-    p = Particle(x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-    return (
-        value(f.formula, p),
-        slope(f.formula, Ray(p, Particle(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))),
-        slope(f.formula, Ray(p, Particle(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))),
-        slope(f.formula, Ray(p, Particle(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))),
-    )
-
-
-@outlined
-def foot(f: Any, x: Any, y: Any, z: Any, scale: Any) -> Any:
-    """The signed distance of a place from the surface φ = 0 [m], the unit normal there, and whether they were found."""
-    tiny = 2.0**-51 * scale
-    v, a, b, c = level_and_slope(f, x, y, z)
-    outside = v > 0
-    sx, sy, sz = x, y, z
-    found = False
-    for _ in range(MOST_TURNS):
-        steep2 = a * a + b * b + c * c
-        t = (v + a * (x - sx) + b * (y - sy) + c * (z - sz)) / steep2
-        ux, uy, uz = x - t * a, y - t * b, z - t * c
-        moved = np.sqrt((ux - sx) * (ux - sx) + (uy - sy) * (uy - sy) + (uz - sz) * (uz - sz))
-        sx, sy, sz = ux, uy, uz
-        far = abs(t) * np.sqrt(steep2)
-        # What is left along the surface, moved², is of second order in the distance.
-        if moved <= 1e-9 * far + tiny:
-            found = True
-            break
-        if not moved < 4 * scale:
-            break
-        if isinstance(f, FaceRecord):
-            # √(a² + b²), as edges of formulas have it, has no slope, or any, where it is 0.
-            v, e, g, k = level_and_slope(f, sx, sy, sz)
-            lean, size2 = a * e + b * g + c * k, e * e + g * g + k * k
-            if v * v <= tiny * tiny * steep2 and not lean * abs(lean) > SAME * size2 * steep2:
-                found = True
-                break
-            a, b, c = e, g, k
-        else:
-            v, a, b, c = level_and_slope(f, sx, sy, sz)
-    steep = np.sqrt(a * a + b * b + c * c)
-    nx, ny, nz = a / steep, b / steep, c / steep
-    if isinstance(f, FaceRecord):
-        # ... and no one direction there
-        ox, oy, oz = x - sx, y - sy, z - sz
-        far = np.sqrt(ox * ox + oy * oy + oz * oz)
-        if far > 8 * tiny:
-            k = (1.0 if outside else -1.0) / far
-            nx, ny, nz = k * ox, k * oy, k * oz
-    d = (x - sx) * nx + (y - sy) * ny + (z - sz) * nz
-    found = found & ((d > 0) == outside or abs(d) <= 8 * tiny)
-    return d, nx, ny, nz, found
 
 
 def _clamped(x: Any, low: Any, high: Any) -> Any:
@@ -162,7 +92,7 @@ def at_least(c: Any, p: Particle) -> Any:
     """A lower bound of the distance of a place from the surface, on the side of the particles [m]; no loops."""
     x, y, z = float(p.x), float(p.y), float(p.z)
     cx, cy, cz = (_clamped(each, c.low[k], c.high[k]) for k, each in enumerate((x, y, z)))
-    near = level(c.field, cx, cy, cz) / c.steep
+    near = from_surface(c.levels, level(c.field, cx, cy, cz))
     ox, oy, oz = x - cx, y - cy, z - cz
     out2 = ox * ox + oy * oy + oz * oz
     if c.side > 0:
@@ -174,6 +104,44 @@ def at_least(c: Any, p: Particle) -> Any:
 def _to_faces(c: Any, x: Any, y: Any, z: Any) -> Any:
     """How far a place is outside of the box by its worst coordinate [m]; negative inside."""
     return max(c.low[0] - x, x - c.high[0], c.low[1] - y, y - c.high[1], c.low[2] - z, z - c.high[2])
+
+
+@outlined
+def foot_of(
+    c: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, scale: Any, far: Any, bound: Any
+) -> Any:
+    """The foot of a place, looked for from s on, which is the place itself or the nearest one in the box, as `foot` tells of
+    it. `bound` is the least that its distance can be."""
+    if isinstance(c.field, FoldedRecord):
+        return nearest_foot(foot, c, x, y, z, sx, sy, sz, scale, far)
+    d, nx, ny, nz, found = foot(c.field, x, y, z, sx, sy, sz, scale, far)
+    if far and not (
+        c.cut and d <= DOUBTFUL * bound
+    ):  # where its sides do not cut it, there is no surface beyond them
+        found = found and in_box(c, x - d * nx, y - d * ny, z - d * nz)
+    if found and far and d > DOUBTFUL * bound:
+        # It may be one of several. No other is nearer if the solid has no part in the ball about the place that is so large.
+        for k in range(27):
+            i, j, m = k % 3 - 1.0, k // 3 % 3 - 1.0, k // 9 - 1.0
+            size = np.sqrt(i * i + j * j + m * m)
+            way = 0.9 * d / size if size > 0 else 0.0
+            ux, uy, uz = x + way * i, y + way * j, z + way * m
+            if in_box(c, ux, uy, uz) and level(c.field, ux, uy, uz) < 0:
+                e, ex, ey, ez, met = _from_inside(c, x, y, z, ux, uy, uz, scale)
+                if met and 0 < e < d and in_box(c, x - e * ex, y - e * ey, z - e * ez):
+                    d, nx, ny, nz = e, ex, ey, ez
+    return d, nx, ny, nz, found
+
+
+@outlined
+def _from_inside(c: Any, x: Any, y: Any, z: Any, ux: Any, uy: Any, uz: Any, scale: Any) -> Any:
+    """The foot of a place outside, looked for from where the way to a place u inside meets the surface."""
+    near, far = 0.0, 1.0
+    for _ in range(HALVINGS):
+        half = 0.5 * (near + far)
+        solid = level(c.field, x + half * (ux - x), y + half * (uy - y), z + half * (uz - z)) < 0
+        near, far = near if solid else half, half if solid else far
+    return foot(c.field, x, y, z, x + near * (ux - x), y + near * (uy - y), z + near * (uz - z), scale, True)
 
 
 @outlined
@@ -189,14 +157,19 @@ def distance(c: Any, x: Any, y: Any, z: Any, size: Any) -> Any:
         return out, ox / out, oy / out, oz / out
     steep2 = a * a + b * b + d * d
     k = 1.0 / np.sqrt(steep2) if steep2 > 0 else 0.0
-    g, nx, ny, nz = v / c.steep, k * a, (k * b if steep2 > 0 else 1.0), k * d
+    g, nx, ny, nz = from_surface(c.levels, v), k * a, (k * b if steep2 > 0 else 1.0), k * d
+    least = np.sqrt(out * out + g * g)
+    far = least <= size
     if abs(g) - size <= c.band:
-        if isinstance(c.field, FoldedRecord):
-            exact, mx, my, mz, found = nearest_foot(foot, c, cx, cy, cz, scale)
-        else:
-            exact, mx, my, mz, found = foot(c.field, cx, cy, cz, scale)
+        exact, mx, my, mz, found = foot_of(c, cx, cy, cz, cx, cy, cz, scale, far, g)
         if found:
             g, nx, ny, nz = exact, mx, my, mz
+            if out > 0 and least - size <= c.band and not c.cut:
+                # from the foot of the nearest place of the box on
+                sx, sy, sz = cx - g * nx, cy - g * ny, cz - g * nz
+                exact, mx, my, mz, found = foot_of(c, x, y, z, sx, sy, sz, scale, far, least)
+                if found and in_box(c, x - exact * mx, y - exact * my, z - exact * mz):
+                    return exact, mx, my, mz
     if out > 0:
         # the part of the way along the box, which is all of it that brings the nearest place of the box closer
         gap_ = np.sqrt(out * out + g * g)
@@ -265,6 +238,34 @@ for _record in (LevelRecord, CreasedRecord):
     law(least_gap, _record)(level_least_gap)
     law(apart, _record)(level_apart)
     law(first_contact, _record)(level_first_contact)
+
+
+def sides(values: Floats) -> list[Floats]:
+    """The numbers over a grid that lie in each of its sides, in the order of `cramped`."""
+    return [np.take(values, end, axis=axis) for axis in range(3) for end in (0, -1)]
+
+
+def is_cut(values: Floats) -> bool:
+    """Whether the sides of its box cut off a solid with these values of φ."""
+    return any(bool((each <= 0).any()) for each in sides(values))
+
+
+def early(values: Floats, axes: Sequence[Floats], radius: float) -> float:
+    """How much too early balls may touch a solid with these values of φ over a grid [m]: beyond a side of the box of one
+    that is cut by others, where the way out of the box and that to the surface count as if they were at right angles."""
+    if not is_cut(values):
+        return 0.0
+    most, solid = 0.0, values <= 0
+    for k, each in enumerate(sides(values)):
+        axis, end = divmod(k, 2)
+        if (each > 0).all():
+            filled = solid.any(axis=tuple(other for other in range(3) if other != axis))
+            there = axes[axis][filled]
+            room = float(axes[axis][-1] - there.max() if end else there.min() - axes[axis][0])
+            if room < ROOM * radius:
+                way = max(room, radius / np.sqrt(2))
+                most = max(most, float(way + np.sqrt(radius * radius - way * way) - radius))
+    return most
 
 
 @law(thinnest, CreasedRecord)

@@ -51,20 +51,41 @@ def _along(s: Floats) -> Floats:
     return c
 
 
-def steepest(coefficients: Floats, spacing: Vector3) -> float:
-    """A bound of the gradient's length: a derivative of B-splines is a mean of differences of their coefficients."""
-    from scipy.ndimage import maximum_filter
+TO_BEZIER = np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6
+"""Bézier coefficients of a cell from those of the B-splines there."""
+TO_SLOPE = np.array([[-3, 0, 3, 0], [-1, -4, 5, 0], [0, -5, 4, 1], [0, -3, 0, 3]]) / 6
+"""Bézier coefficients of the derivative, as a cubic one, in units of the grid."""
+AT_ONCE = 1 << 11
+"""Cells that are looked at together: they stay in the cache."""
 
-    square: Floats = np.zeros(1)
-    for axis in range(3):
-        slope = np.abs(np.diff(coefficients, axis=axis)) / spacing[axis]
-        # the 3 × 4 × 4 differences that play a part in a cell of the grid
-        sizes = [3 if k == axis else 4 for k in range(3)]
-        cells = tuple(
-            slice(each // 2, slope.shape[k] - (each - 1 - each // 2)) for k, each in enumerate(sizes)
-        )
-        square = square + maximum_filter(slope, sizes)[cells] ** 2
-    return float(np.sqrt(np.max(square)))
+
+def cells(coefficients: Floats, spacing: Vector3) -> tuple[Floats, Floats, Floats]:
+    """Of every cell of the grid the least and the largest value that a spline may have there, and a bound of its slope:
+    values and slopes are means of their Bézier coefficients."""
+    windows = np.lib.stride_tricks.sliding_window_view(coefficients, (4, 4, 4)).transpose(3, 4, 5, 0, 1, 2)
+    shape = windows.shape[3:]
+    low, high, steep = np.empty((3, *shape))
+    columns = max(1, AT_ONCE // shape[2])
+    for i in range(shape[0]):
+        for j in range(0, shape[1], columns):
+            part = i, slice(j, j + columns)
+            own = np.ascontiguousarray(windows[:, :, :, i, j : j + columns])
+            square: Floats = np.zeros(1)
+            for axis in range(3):
+                turn = [TO_SLOPE if k == axis else TO_BEZIER for k in range(3)]
+                square = square + (_turned(own, turn) / spacing[axis]) ** 2
+            value = _turned(own, [TO_BEZIER] * 3)
+            low[part], high[part] = value.min(axis=0), value.max(axis=0)
+            steep[part] = np.sqrt(square.max(axis=0))
+    return low, high, steep
+
+
+def _turned(own: Floats, turn: list[Floats]) -> Floats:
+    """The coefficients [4, 4, 4, ...] of cells, multiplied by a matrix along each of the first axes, as [64, ...]."""
+    x, y, z = turn
+    found = np.matmul(z, own.reshape(16, 4, -1))
+    found = np.matmul(y, found.reshape(4, 4, -1))
+    return np.matmul(x, found.reshape(4, -1)).reshape(64, *own.shape[3:])
 
 
 def _cell(u: Any, number: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Warnings of choices in a scenario that are legal and seldom meant, for `psim check` and the end of a run."""
+"""Warnings of choices in a scenario that are legal and seldom meant, for `psim check` and the start of a run."""
 
 from __future__ import annotations
 
@@ -25,6 +25,8 @@ OF_BOTH = "rk4, dop853 and implicit_midpoint"
 """Some methods that step particles with and without inertia."""
 MOST_TURN = 0.5
 """Angle by which a collider may turn in a step [rad]: the chord of the way is 1 % shorter than the arc then."""
+EARLY = 0.02
+"""Part of the radius of balls by which they may touch a collider too early without a word."""
 METHODS_THAT_KEEP = "rk4, heun and stormer_verlet keep their order"
 
 
@@ -134,6 +136,12 @@ def _own(scenario: Scenario) -> Iterator[str]:
         touching = [group for group in scenario.groups if held_back(collider, (group.name,))]
         masses = [mass for group in touching if (mass := group.least_mass()) is not None]
         yield from collider.doubts(collider.called(k), min(masses, default=None), grid.dt)
+        radius = max((size[1] for group in touching if (size := group.least_size())), default=0.0)
+        if radius > 0 and (early := collider.early(radius)) > EARLY * radius:
+            yield (
+                f"{collider.called(k)}: balls of {radius:.3g} m may touch it up to {early:.2g} m too early beyond the sides "
+                f"of its box, as others cut the solid off; a box that reaches {radius:.3g} m beyond it avoids that"
+            )
     for each in scenario.interactions:
         sizes = [size for group in interacting(each, scenario.groups) if (size := group.least_size())]
         yield from each.doubts(min(sizes, default=None), grid.dt)

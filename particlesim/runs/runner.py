@@ -68,7 +68,8 @@ def run(
     With `output`, frames go to that trajectory file (.vtkhdf) while the run goes on; without it nothing is written. The
     last frame is in memory either way, as `result.final`. `threads` bounds the threads (all cores unless given);
     results do not depend on it. `progress` is called at every frame, and between frames that take long; `warn` before the
-    first step, with what is wrong with the step, if anything: see `ps.stability`. It is among `result.warnings`, too. With
+    first step, with what is doubtful, and what is wrong with the step: see `ps.stability`. All of it is among
+    `result.warnings`, too. With
     `bless`, checks against references are left out, and when all others hold, the trajectory becomes their reference.
 
     A run with an output makes checkpoints beside it: every `checkpoint_every` seconds of simulated time, every
@@ -113,6 +114,7 @@ def run(
         if path is not None:
             check_stored(simulation)
         doubts += _told((*suspects(simulation).warnings, *doubtful(simulation)), warn)
+        advised = _told(advice(scenario), warn)
         if found is not None and path is not None:
             checks.restore(simulation, found.facts["checks"])
             found.apply(simulation, path)
@@ -126,7 +128,7 @@ def run(
         if found is not None:
             course.resume(found)
         _to_the_end(course)
-    result = _result(course, path, _notes(resume, found))
+    result = _result(course, path, _notes(resume, found), advised)
     if bless and path is not None and result.passed:
         give_blessing(scenario, path)
     return replace(result, warnings=(*doubts, *result.warnings))
@@ -286,7 +288,7 @@ def _notes(resume: bool, found: Resumption | None) -> tuple[str, ...]:
     return ("there was no checkpoint to continue from: the run started from the beginning",) if resume else ()
 
 
-def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result:
+def _result(course: Course, path: Path | None, notes: tuple[str, ...], advised: tuple[str, ...]) -> Result:
     simulation, log = course.simulation, course.log
     problems = [store.problem, None if course.keeper is None else course.keeper.problem]
     return Result(
@@ -302,7 +304,7 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...]) -> Result
         seconds=course.seconds,
         warnings=(
             *notes,
-            *advice(simulation.scenario),
+            *advised,
             *course.watch.warnings,
             *simulation.warnings(),
             *missed(simulation),

@@ -129,6 +129,26 @@ def test_warnings_are_shown(psim, monkeypatch):
     assert psim("run", "tiny.toml", "-f", "--json").json["warnings"] == [store.problem]
 
 
+def test_doubts_are_told_before_the_run_and_once(psim, monkeypatch):
+    import particlesim as ps
+
+    told, begun = [], []
+    true_run = ps.run
+
+    def run(*args, **options):
+        shown = options["warn"]
+        options["warn"] = lambda text: (told.append((text, bool(begun))), shown(text))
+        options["progress"] = lambda now: begun.append(now)
+        return true_run(*args, **options)
+
+    monkeypatch.setattr(ps, "run", run)
+    doubtful = ("--set", "planes.0.friction={static=0.1, kinetic=0.2}")
+    ended = psim("run", "tiny.toml", *doubtful)
+    assert ended.code == 0
+    assert [late for text, late in told if "kinetic" in text] == [False]
+    assert ended.err.count(told[0][0][:40]) == 1
+
+
 def test_divergence_keeps_what_was_computed(psim):
     # Speeds grow by 10³⁰⁶ m/s in a step, and pass the largest number (1.8 · 10³⁰⁸) after 1.8 s; energies pass it at once,
     # and without a ledger the speeds themselves are found absurd at the next frame, if there is one before they overflow.

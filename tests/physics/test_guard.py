@@ -276,3 +276,15 @@ def test_a_kick_is_no_gain() -> None:
         simulation.check()
     assert simulation.warnings() == ()
     simulation.close()
+
+
+def test_rounding_of_what_lies_on_a_slope_is_no_gain() -> None:
+    # tan 29.9° = 0.575 < μ: it stays in the origin, where all energies are rounding errors of kicks m (g h)² = 0.01 J.
+    slope = {
+        "simulation": {"duration": 2.0, "dt": 0.01, "integrator": "velocity_verlet"},
+        "output": {"fps": 0.5, "work": True},
+        "particles": [{"mass": 1.0, "layout": {"type": "points", "position": [[0, 0, 0]]}}],
+        "forces": [{"type": "gravity", "acceleration": [0, -10, 0]}],
+        "planes": [{"normal": [0.49848, 0.8669, 0.0], "restitution": 0.3, "friction": 0.6}],
+    }
+    assert abs(ps.run(ps.from_table(slope)).energy[-1]) < 1e-14

@@ -27,6 +27,7 @@ from particlesim.expressions.operations import VARIABLES, value
 from particlesim.expressions.parser import parse
 from particlesim.forces import Gravity
 from particlesim.laws.registry import Particle
+from particlesim.preflight.advice import advice
 
 
 def gaps(collider: Any, places: NDArray[Any], radius: float = 0.0) -> NDArray[Any]:
@@ -224,6 +225,46 @@ def test_distances_between_the_samples_are_of_fourth_order() -> None:
     order = np.log2(np.array(errors[:-1]) / errors[1:])
     assert order.min() > 3.5
     assert errors[-1] < 2e-6
+
+
+@pytest.mark.parametrize("radius", [0.1, 0.5, 3.0])
+@pytest.mark.parametrize("name", ["samples", "square", "tight", "kinks"])
+def test_large_balls_touch_where_the_surface_is(name: str, radius: float) -> None:
+    # The distance of places near a ball of radius 1 is |x| − 1, that of places near a cube a root. The cusp in the middle of
+    # samples, where the spline is steepest, and the sides of the box count for nothing outside.
+    x = np.random.default_rng(4).uniform(-2 - radius, 2 + radius, (20_000, 3))
+    expected, atol = np.linalg.norm(x, axis=1) - 1 - radius, 1e-8
+    if name == "samples":
+        # of fourth order in the spacing: 3e-6 at 1/16, as in `test_distances_between_the_samples_are_of_fourth_order`
+        shape, atol = grid_of(0.0625), 3e-6
+    elif name == "kinks":
+        expected = np.linalg.norm(np.maximum(np.abs(x) - 0.5, 0), axis=1) - radius
+        shape = FormulaCollider(distance="max(abs(x), max(abs(y), abs(z))) - 0.5", size=(1.1, 1.1, 1.1))
+    else:
+        side = 2.1 if name == "tight" else 3.0
+        shape = FormulaCollider(distance="x**2 + y**2 + z**2 - 1", size=(side, side, side))
+    some = (expected > -0.01 * radius) & (expected < 0.3)
+    found, expected = gaps(shape, x[some], radius), expected[some]
+    near = expected < 0
+    np.testing.assert_allclose(found[near], expected[near], atol=atol)
+    # Others are not touched, and no gap is more than it is.
+    assert (found[~near] > -atol).all()
+    assert (found < expected + atol).all()
+
+
+def test_balls_that_may_touch_a_cut_solid_too_early_are_told() -> None:
+    # A floor 0.1 m below the upper side of its box. A ball of 0.2 m touches early by (√2 − 1) 0.2 m at most: where the ways
+    # out of the box and on to the floor are equal, 0.2/√2 m ≥ 0.1 m.
+    table = {
+        "simulation": {"duration": 0.01, "dt": 1e-3},
+        "particles": [points((0.0, 2.0, 0.0), radius=0.2, mass=1.0)],
+        "colliders": [{"name": "floor", "type": "formula", "distance": "y", "size": [4, 0.2, 4]}],
+    }
+    told = [each for each in advice(ps.from_table(table)) if "too early" in each]
+    assert len(told) == 1
+    assert "formula floor: balls of 0.2 m may touch it up to 0.083 m too early" in told[0]
+    table["colliders"][0]["size"] = [4, 0.8, 4]
+    assert not any("too early" in each for each in advice(ps.from_table(table)))
 
 
 def test_samples_of_a_plane_are_a_plane() -> None:

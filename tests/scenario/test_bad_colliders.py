@@ -212,3 +212,30 @@ def test_bodies_are_counted_in_their_group() -> None:
     told = " ".join(doubtful(World(ps.from_table(scenario))))
     assert "body 1 of 'a' and body 1 of 'b'" in told or "body 1 of 'b' and body 1 of 'a'" in told
     assert "in body 0 of 'b' by 0.41 m" in told
+
+
+def _held(walls: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "simulation": {"duration": 0.1, "dt": 1e-3},
+        "emitters": [
+            {"name": "e", "rate": 100, "radius": 0.05, "shape": {"type": "point", "position": [0, 2, 0]}}
+        ],
+        **walls,
+    }
+
+
+def test_walls_without_a_common_place_are_refused() -> None:
+    # Two cubes of 5 m whose centres are 10 m apart, and three planes whose allowed sides have no place in common: above the
+    # third y ≤ −3 − x/5, of the second x ≤ −1 + 1.5 y and of the first x ≥ 1, so that y ≥ 4/3.
+    cube = {"type": "box", "size": [5, 5, 5], "inside": True}
+    planes = [
+        {"point": [1, 0, 0], "normal": [1, 0, 0]},
+        {"point": [-1, 0, 0], "normal": [-1, 1.5, 0]},
+        {"point": [0, -3, 0], "normal": [-0.2, -1, 0]},
+    ]
+    for walls in ({"colliders": [cube, cube | {"center": [10, 0, 0]}]}, {"planes": planes}):
+        with pytest.raises(ps.ScenarioError, match="no position is on the allowed side of all"):
+            ps.from_table(_held(walls))
+    # Cubes that have a slice in common, and planes any two of which leave room, are taken.
+    ps.from_table(_held({"colliders": [cube, cube | {"center": [4.9, 0, 0]}]}))
+    ps.from_table(_held({"planes": planes[:2]}))

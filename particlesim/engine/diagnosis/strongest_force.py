@@ -32,7 +32,7 @@ def strongest(
     """
     structure = world.graph.islands[number]
     with np.errstate(all="ignore"):
-        sizes = _alone(world, structure, member, particle)
+        sizes = alone(world, structure, member, particle)
         shared: dict[str, Floats] = {}
         for name, each in zip(world.islands[number].names, interactions, strict=True):
             force = each.force_on(columns, place, particle.t)[:3]  # contacts that roll tell their torque, too
@@ -45,7 +45,7 @@ def strongest(
     return best, math.nan if best is None else sizes[best]
 
 
-def _alone(world: World, structure: Island, member: int, particle: Particle) -> dict[str, float]:
+def alone(world: World, structure: Island, member: int, particle: Particle) -> dict[str, float]:
     """Sizes of the one-particle forces [N], by label."""
     sizes: dict[str, float] = {}
     group = structure.groups[member]

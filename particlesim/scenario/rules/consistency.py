@@ -248,6 +248,7 @@ CHECKS = (
     led_colliders,
     impacts.heard,
     walls.room,
+    walls.common_place,
     joints.pairs,
     joints.pulled,
     joints.joined,
