@@ -32,6 +32,8 @@ HOPS = 48
 """Steps of Newton's method at most."""
 NEAR = 1e-6
 """Distance that counts as touching, in units of the smallest size of a piece."""
+LEFT = 0.01
+"""The part of the overlap that bodies are left which guests are."""
 GRAINS = 1 << 48
 """First number for the features of guests, which are their ids."""
 
@@ -42,9 +44,10 @@ class Guests(NamedTuple):
 
     Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
     [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n]; the force of what acts on
-    particles alone, as it was in the last step [N] [3, n] (`other`). How many of the first ones rods hold. How much what
-    else acts on the others accelerates them at its beginning [m/s²] [3, n] (`pull`), once that has been `asked` for [1]: not
-    before one of them hits something.
+    particles alone [N] [3, n] (`other`); which of them springs and rods tie to bodies, and for which it counts [n]
+    (`awaits`): for what is tied, and for what touches something already. How many of the first ones rods hold. How much what
+    else acts on those that are not tied accelerates them at its beginning [m/s²] [3, n] (`pull`), once that has been `asked`
+    for [1]: not before one of them touches something or hits it.
     """
 
     first: int
@@ -59,6 +62,8 @@ class Guests(NamedTuple):
     at: Any
     shift: Any
     other: Any
+    tied: Any
+    awaits: Any
     held: int
     pull: Any
     asked: Any
@@ -172,6 +177,10 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                     if best[0, 0] < had:
                         which = i
         guests.when[m] = 0.0
+        guests.awaits[m] = 1 if guests.tied[m] > 0 or best[0, 0] < 0 else 0
+        if guests.awaits[m] == 0:
+            for axis in range(3):
+                guests.other[axis, m] = 0.0
         if 0 < best[0, 0] <= h:
             group, begin, when = b.group[which], k.number[0], best[0, 0] - 0.5 * h
             n, beside = on_impact(p, b, motion, which, guest, int(best[0, 1]), when, found)
@@ -238,7 +247,9 @@ def follow(
     flies = now > NEAR * p.fine[s.number] and h * falls > slop
     if now <= max(NEAR * p.fine[s.number], slop) and not flies:
         where = plus(at, -(radius + 0.5 * now), n)
-        add_contact(k, i, guest, GRAINS + id, where, (-n[0], -n[1], -n[2]), now)
+        # What is deeper than a little is pushed out of it: of the overlap that bodies are left a guest has next to none.
+        gap = now - (1 - LEFT) * slop if now < 0 else now
+        add_contact(k, i, guest, GRAINS + id, where, (-n[0], -n[1], -n[2]), gap)
         best[0, 0] = -np.inf
         return
     gap, t = now, 0.0
@@ -255,11 +266,13 @@ def follow(
 
 
 def asks(guests: Any, k: Any) -> bool:
-    """Whether a guest hits a body, and it is not known yet what else acts on it."""
+    """Whether a guest hits or touches a body, and it is not known yet what else acts on it."""
     hits = False
     if guests.asked[0] == 0:
         for c in range(k.number[0]):
             hits |= k.late[0, c] > 0
+        for m in range(guests.radius.size):
+            hits |= guests.awaits[m] > guests.tied[m]
     return hits
 
 
