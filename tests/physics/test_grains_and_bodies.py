@@ -114,6 +114,32 @@ def test_an_elastic_impact_keeps_the_energy_of_what_pulls(phase: float, side: fl
     assert np.abs(energy - energy[0]).max() <= 2 * most
 
 
+@pytest.mark.parametrize("h", [1e-3, 2e-3])
+def test_impacts_with_what_hangs_on_a_spring_give_no_energy(h: float) -> None:
+    # A bead on a spring and an elastic ball that a wall throws back. Impulses shift the bead by Δv τ, which took k (Δv τ)²/2
+    # from nowhere at each impact: 6.2 % in 4 s at 1 ms, 31 % in 30 s. Energies are as known as velocity Verlet keeps them,
+    # to (ω h)²/6 of that of the bead (Hairer, Lubich, Wanner, IX.3), which impacts turn into others of the same size.
+    k, m = 500.0, 0.1
+    scenario = table(
+        4.0,
+        h,
+        particles=[
+            grains([[0, 0, 0]], [[0, 0, 0]], mass=m),
+            {"name": "pin", "pinned": True, "layout": {"type": "points", "position": [[-1, 0, 0]]}},
+        ],
+        springs=[{"between": ["grains", "pin"], "stiffness": k}],
+        bodies=[
+            body({"type": "sphere", "radius": 0.05}, mass=0.1, friction=0.0, restitution=1.0)
+            | {"position": [0.15, 0, 0], "velocity": [-2, 0, 0]}
+        ],
+        planes=[{"point": [0.3, 0, 0], "normal": [-1, 0, 0], "restitution": 1.0}],
+        interactions=[TOUCH],
+        output={"every": 1, "ledger": True},
+    )
+    energy = energies(scenario)
+    assert np.abs(energy / energy[0] - 1).max() < k / m * h**2
+
+
 def test_a_rope_that_is_hit_gains_energy_of_second_order_only() -> None:
     # Beads with axial springs of k on both sides are moved by Δv τ < 2 u h at an impact, which takes less than 2 k/2 of
     # the square of that. What the springs had done to their speed by then was not known: the first order of it was left.

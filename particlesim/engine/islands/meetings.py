@@ -101,7 +101,26 @@ class Meetings:
         self._bodies.visitors = among(self._chosen, np.ascontiguousarray(surfaces), load, number, hang)
         self._bodies.pull_on = self._accelerations
 
-    def _accelerations(self, time: float) -> Floats:
+    def _accelerations(self, time: float, probe: Floats | None) -> tuple[Floats, Floats]:
+        """How much what else acts on visitors accelerates them at a time [m/s²] if all are shifted, and how far they were
+        [3, visitors], which is rounded as places are."""
+        if probe is None:
+            return self._pulls(time), np.zeros((3, sum(len(rows) for _, rows in self._chosen)))
+        kept, first = [], 0
+        for state, rows in self._chosen:
+            kept.append(state.x[:, rows].copy())
+            state.x[:, rows] += probe[:, first : first + len(rows)].astype(state.dtype)
+            first += len(rows)
+        pull = self._pulls(time)
+        moved = [
+            (state.x[:, rows] - was).astype(float)
+            for (state, rows), was in zip(self._chosen, kept, strict=True)
+        ]
+        for (state, rows), was in zip(self._chosen, kept, strict=True):
+            state.x[:, rows] = was
+        return pull, np.concatenate(moved, axis=1)
+
+    def _pulls(self, time: float) -> Floats:
         """How much what else acts on visitors accelerates them at a time [m/s²], shape [3, visitors]; 0 of those that
         springs or rods join to bodies: what acts on those takes part in the step of bodies, as it did in the last one."""
         parts = [np.zeros((3, len(rows))) for _, rows in self._chosen]

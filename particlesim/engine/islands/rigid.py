@@ -56,7 +56,18 @@ from particlesim.engine.rigid.spring_layout import body_springs, lines
 from particlesim.engine.rigid.springs import stored
 from particlesim.engine.rigid.stiffness import longest_step
 from particlesim.engine.rigid.ties import Ties
-from particlesim.engine.rigid.visit import Left, Visitors, fill, guests_of, inform, joined, left, lies, renew
+from particlesim.engine.rigid.visit import (
+    Left,
+    Visitors,
+    fill,
+    guests_of,
+    inform,
+    joined,
+    learn_bend,
+    left,
+    lies,
+    renew,
+)
 from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.graph.graph import Island
@@ -123,8 +134,9 @@ class RigidIsland(BaseIsland):
         self._asked = False
         self.visitors: Visitors | None = None
         """Particles that make the next step among the bodies."""
-        self.pull_on: Callable[[float], Floats] | None = None
-        """By how much what else acts on them accelerates them at a time [m/s²], shape [3, n]."""
+        self.pull_on: Callable[[float, Floats | None], tuple[Floats, Floats]] | None = None
+        """By how much what else acts on them accelerates them at a time [m/s²], if they are shifted by so much, and by how
+        much they were in the precision of their places, shape [3, n]."""
         self.left: Left
         """The visitors after the step."""
         if self._made:
@@ -212,10 +224,15 @@ class RigidIsland(BaseIsland):
         whole, scene, motion = self._received(b, visitors)
         guests = scene.guests
         if self._asked and self.pull_on is not None:  # as it would be asked for again
-            visitors = inform(guests, visitors, self.pull_on(step * self.dt), self.dt)
+            visitors = inform(guests, visitors, self.pull_on(step * self.dt, None)[0], self.dt)
         while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
             if report[0] == ASKS and self.pull_on is not None:
-                visitors = inform(guests, visitors, self.pull_on(step * self.dt), self.dt)
+                if guests.asked[0] == 0:
+                    visitors = inform(guests, visitors, self.pull_on(step * self.dt, None)[0], self.dt)
+                if guests.probe.any():
+                    pull, shift = self.pull_on(step * self.dt, guests.probe)
+                    learn_bend(guests, shift, pull)
+                guests.asked[0] = 2
             elif report[0] == FULL:
                 self._make_room(2 * int(report[1]))
             else:

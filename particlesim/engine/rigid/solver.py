@@ -33,7 +33,7 @@ from particlesim.engine.rigid.multipliers import begin_anew, correct, keep_impul
 from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.rotation import cross, turned_by, world_inverse
 from particlesim.engine.rigid.stops import LIMIT, MOTOR, ROLL, lay_turn, tangent
-from particlesim.engine.rigid.timing import RESTING, lean, turned_around
+from particlesim.engine.rigid.timing import RESTING, answered, lean, turned_around
 
 WORK = 40_000
 """Looks at contacts of a cluster in a step at most, all sweeps together, beyond the least number of sweeps."""
@@ -110,7 +110,7 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
             lies = k.late[2, c] == LIES
             kicked = before if lies else now
             struck = before + k.late[0, c] * own + (0.0 if lies else k.late[2, c] * (now - before) / h)
-            rebound = kicked - (1 + k.surface[0, c]) * struck
+            rebound = kicked - answered(k.surface[0, c], k.late[3, c] * k.rows[c, 0, 15]) * struck
         elif k.second[c] == WORLD and 0 < k.surface[0, c] < 1:
             rebound = max(turned_around(before, now, gap, k.surface[0, c], h), -gap / h)
         k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -gap / h

@@ -36,6 +36,15 @@ def lean(b: Any, k: Any, motion: Any, h: Any) -> None:
                 k.late[2, c] = LIES
 
 
+def answered(e: Any, stiff: Any) -> Any:
+    """By how much an impact changes the speed of approach u, in units of it: 1 + e, but for what the shift by its impulse
+    takes, c (Δu)²/2 with the part c = `stiff` of the energies: (1 + c) (Δu)² − 2 u Δu + (1 − e²) u² = 0. It is stopped at
+    least, and gains nothing."""
+    c = max(stiff, -0.5)
+    square = e * e - c * (1 - e * e)
+    return max((1 + (np.sqrt(square) if square > 0 else 0.0)) / (1 + c), min(1.0, 2 / (1 + c)))
+
+
 def turned_around(before: Any, now: Any, gap: Any, e: Any, h: Any) -> Any:
     """The speed of a rebound in the middle of a step, from a speed `before` the kick of the step that is `now` one, a gap
     before contact, such that it comes as high as if it had gone on: with u² + 2 a s on the way there, e² of that, and the

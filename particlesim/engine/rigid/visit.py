@@ -85,7 +85,7 @@ def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
     tables = (visitors.touch, visitors.restitution, visitors.static, visitors.kinetic)
     scratch = (np.zeros(n), np.zeros((3, n)), np.zeros((3, n)))
     columns = (visitors.kind, visitors.radius, visitors.id, *tables)
-    known = (np.zeros((3, n)), np.zeros(1, np.int64))
+    known = (np.zeros((3, n)), np.zeros(1, np.int64), np.zeros((3, n)), np.zeros(n))
     return Guests._make(
         [
             bodies,
@@ -117,7 +117,7 @@ def renew(guests: Guests, visitors: Visitors, h: float) -> None:
     """The same visitors in another step."""
     guests.other[:] = _others(visitors, h)
     guests.tied[:] = visitors.tied
-    guests.pull[:], guests.asked[0] = 0.0, 0
+    guests.pull[:], guests.asked[0], guests.bend[:] = 0.0, 0, 0.0
 
 
 def inform(guests: Guests, visitors: Visitors, pull: Floats, h: float) -> Visitors:
@@ -140,6 +140,13 @@ def fill(whole: Bodies, b: Bodies, visitors: Visitors) -> None:
         (whole.x, whole.v, whole.spin, whole.w, whole.inertia, whole.reach), given, strict=True
     ):
         mine[..., n:] = each
+
+
+def learn_bend(guests: Guests, shift: Floats, pull: Floats) -> None:
+    """What accelerates guests where they have been shifted so far is known, too [m/s²], both [3, n]."""
+    length2, back = (shift**2).sum(axis=0), ((guests.pull - pull) * shift).sum(axis=0)
+    guests.bend[:] = np.divide(back, length2, out=np.zeros_like(back), where=length2 > 0)
+    guests.asked[0] = 2
 
 
 def lies(guests: Guests) -> bool:
