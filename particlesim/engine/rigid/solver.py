@@ -33,7 +33,7 @@ from particlesim.engine.rigid.multipliers import begin_anew, correct, keep_impul
 from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.rotation import cross, turned_by, world_inverse
 from particlesim.engine.rigid.stops import LIMIT, MOTOR, ROLL, lay_turn, tangent
-from particlesim.engine.rigid.timing import RESTING, answered, lean, turned_around
+from particlesim.engine.rigid.timing import RESTING, answered, find_carried, lean, turned_around
 
 WORK = 40_000
 """Looks at contacts of a cluster in a step at most, all sweeps together, beyond the least number of sweeps."""
@@ -102,8 +102,10 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
             largest = max(largest, max(abs(speed_along(k, motion, c, 1)), abs(speed_along(k, motion, c, 2))))
             continue
         gap, own = max(k.gap[c], 0.0), k.late[1, c]
-        meets = now * h < -gap
-        quick = before < -RESTING * abs(now - before + h * own)
+        lies_under = not k.late[0, c] > 0 and k.late[3, c] != 0
+        free = now + k.late[3, c] if lies_under else now
+        meets = free * h < -gap
+        quick = before < -RESTING * abs(free - before + h * own)
         rebound = -k.surface[0, c] * before
         if k.late[0, c] > 0:
             # At that time of the step it is as fast as all that acts has made it by then, not as at the beginning.
@@ -111,8 +113,8 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
             kicked = before if lies else now
             struck = before + k.late[0, c] * own + (0.0 if lies else k.late[2, c] * (now - before) / h)
             rebound = kicked - answered(k.surface[0, c], k.late[3, c] * k.rows[c, 0, 15]) * struck
-        elif k.second[c] == WORLD and 0 < k.surface[0, c] < 1:
-            rebound = max(turned_around(before, now, gap, k.surface[0, c], h), -gap / h)
+        elif lies_under or (k.second[c] == WORLD and 0 < k.surface[0, c] < 1):
+            rebound = max(turned_around(before, free, gap, k.surface[0, c], h), -gap / h)
         k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -gap / h
         largest = max(largest, max(abs(now), abs(now - before)))
         if meets:
@@ -158,6 +160,7 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
     their velocities and angular momenta afterwards."""
     gather(k, motion, joints)
     lean(b, k, motion, h)
+    find_carried(b, k, motion, h)
     for cluster in range(motion.clusters[0]):
         level_all(b, motion, motion.now, motion.gained, joints, cluster)
         motion.largest[cluster] = aim(k, motion, cluster, h)
