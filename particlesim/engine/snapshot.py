@@ -64,6 +64,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
             "_still",
             "_shapes",
             "visitors",
+            "_asked",
             "left",
             "_motion",
             "_contacts",
@@ -74,6 +75,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
             "impacts",
         )
     ),
+    "Loads": frozenset(("_away",)),
     "Ties": frozenset(("_sets", "_states", "rows", "held", "given", "awaited")),
     "IndependentIsland": frozenset(("program", "_booking", "_rooms", "impacts")),
     "CoupledIsland": frozenset(

@@ -63,6 +63,7 @@ class Meetings:
                 self._states.append(next(state for state in states if state.name == name))
         self._chosen: list[tuple[GroupState, Ints]] = []
         self._worked: list[float] = []
+        self._there: list[tuple[GroupState, Ints]] = []
 
     def __bool__(self) -> bool:
         return bool(self._states)
@@ -92,18 +93,42 @@ class Meetings:
         names = (*self._held, *self._surfaces)
         surfaces = np.array([np.array(self._surfaces[name]) for name in names]).transpose(1, 0, 2)
         number = sum(len(rows) for rows in self._held.values())
-        gain = ties.gain(self._chosen)
-        self._bodies.visitors = among(self._chosen, np.ascontiguousarray(surfaces), gain, number)
+        tied = [np.isin(rows, self._tied.get(state.name, [])) for state, rows in self._chosen]
+        hang = np.concatenate(tied).astype(np.int64)
+        ids = np.concatenate([state.id[rows] for state, rows in self._chosen])
+        gain, besides = ties.gain(self._chosen), self._bodies.loads.awaited(ids)
+        load = np.where(hang > 0, np.concatenate([gain, np.zeros_like(gain)]), besides)
+        self._bodies.visitors = among(self._chosen, np.ascontiguousarray(surfaces), load, number, hang)
         self._bodies.pull_on = self._accelerations
 
-    def _accelerations(self, time: float) -> Floats:
-        """How much what else acts on visitors accelerates them at a time [m/s²], shape [3, visitors]; 0 of groups that
+    def _accelerations(self, time: float, probe: Floats | None) -> tuple[Floats, Floats]:
+        """How much what else acts on visitors accelerates them at a time [m/s²] if all are shifted, and how far they were
+        [3, visitors], which is rounded as places are."""
+        if probe is None:
+            return self._pulls(time), np.zeros((3, sum(len(rows) for _, rows in self._chosen)))
+        kept, first = [], 0
+        for state, rows in self._chosen:
+            kept.append(state.x[:, rows].copy())
+            state.x[:, rows] += probe[:, first : first + len(rows)].astype(state.dtype)
+            first += len(rows)
+        pull = self._pulls(time)
+        moved = [
+            (state.x[:, rows] - was).astype(float)
+            for (state, rows), was in zip(self._chosen, kept, strict=True)
+        ]
+        for (state, rows), was in zip(self._chosen, kept, strict=True):
+            state.x[:, rows] = was
+        return pull, np.concatenate(moved, axis=1)
+
+    def _pulls(self, time: float) -> Floats:
+        """How much what else acts on visitors accelerates them at a time [m/s²], shape [3, visitors]; 0 of those that
         springs or rods join to bodies: what acts on those takes part in the step of bodies, as it did in the last one."""
         parts = [np.zeros((3, len(rows))) for _, rows in self._chosen]
         for part, (state, rows) in zip(parts, self._chosen, strict=True):
-            if len(rows) and state.name not in self._tied:
-                first = self._first_row(state)
-                part[:] = self._islands[state.name].forces(time)[:, first + rows] / state.mass[rows]
+            free = np.isin(rows, self._tied.get(state.name, []), invert=True)
+            if free.any():
+                mine, first = rows[free], self._first_row(state)
+                part[:, free] = self._islands[state.name].forces(time)[:, first + mine] / state.mass[mine]
         return np.concatenate(parts, axis=1)
 
     def dismiss(self) -> None:
@@ -130,13 +155,54 @@ class Meetings:
             if len(rows):
                 self._islands[state.name].fit()
         self._bodies.ties.leave(after.v - visitors.v, visitors.gain)
+        loose = [
+            (state, rows[np.isin(rows, self._tied.get(state.name, []), invert=True)])
+            for state, rows in self._chosen
+        ]
+        self._there = [(state, state.id[rows]) for state, rows in self._chosen]
+        self._bodies.loads.leave(loose, after.forces[:, visitors.tied == 0])
         self._worked = self._contact_work()
 
     def hold_ends(self, step: int) -> Fault | None:
         """After all islands have made a step: rods from bodies to particles fit again."""
-        if self._bodies is None or not self._bodies.ties:
+        if self._bodies is None or not self._states:
+            return None
+        self._bodies.loads.arrive(self._dt)
+        self._hold()
+        if not self._bodies.ties:
             return None
         return self._bodies.hold_ends(step, touched=self._contact_work() != self._worked)
+
+    def _hold(self) -> None:
+        """Particles that lie on bodies get the velocities that contact has aimed at, as far as what they did since then
+        came otherwise than expected."""
+        from particlesim.engine.rigid.loads import rows_of
+
+        assert self._bodies is not None
+        rows = [rows_of(state, ids) for state, ids in self._there]
+        number = sum(len(each) for each in rows)
+        x, v, turning = np.zeros((3, 3, number))
+        first = 0
+        for (state, _), mine in zip(self._there, rows, strict=True):
+            part = slice(first, first + len(mine))
+            x[:, part], v[:, part] = state.x[:, mine], state.v[:, mine]
+            if SPIN in state.parts:
+                turning[:, part] = state.angular_velocity[:, mine]
+            first += len(mine)
+        here = np.concatenate([np.empty(0, np.int64), *rows]) >= 0
+        found = self._bodies.hold_guests(x, v, turning, here.astype(np.int64)) if number else None
+        if found is None:
+            return
+        first = 0
+        for (state, _), mine in zip(self._there, rows, strict=True):
+            part = slice(first, first + len(mine))
+            first += len(mine)
+            changed = here[part] & (found[0][:, part] != v[:, part]).any(axis=0)
+            state.v[:, mine[changed]] = found[0][:, part][:, changed]
+            if SPIN in state.parts:
+                state.angular_velocity[:, mine[changed]] = found[1][:, part][:, changed]
+            if len(state.memory):
+                state.memory[-1, mine[changed]] = 0
 
     def _note(self, state: GroupState, rows: Ints, shift: Floats, v: Floats) -> None:
         """Note for the account of work what springs and rods do to particles before these make their own step."""

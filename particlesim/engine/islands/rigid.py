@@ -41,12 +41,14 @@ from particlesim.engine.rigid.kernel import (
     Scene,
     close_joints,
     hold_ends,
+    hold_guests,
     look_for_contacts,
     step_bodies,
     sum_energies,
     sum_forces_on,
     velocities_of,
 )
+from particlesim.engine.rigid.loads import Loads
 from particlesim.engine.rigid.rods import held_rows, rod_lines, seats_of
 from particlesim.engine.rigid.room import no_room
 from particlesim.engine.rigid.solver import address
@@ -54,7 +56,18 @@ from particlesim.engine.rigid.spring_layout import body_springs, lines
 from particlesim.engine.rigid.springs import stored
 from particlesim.engine.rigid.stiffness import longest_step
 from particlesim.engine.rigid.ties import Ties
-from particlesim.engine.rigid.visit import Left, Visitors, fill, guests_of, joined, left, renew
+from particlesim.engine.rigid.visit import (
+    Left,
+    Visitors,
+    fill,
+    guests_of,
+    inform,
+    joined,
+    learn_bend,
+    left,
+    lies,
+    renew,
+)
 from particlesim.engine.state.columns import Columns, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.graph.graph import Island
@@ -100,6 +113,8 @@ class RigidIsland(BaseIsland):
         self._springs = tuple(sorted(laid, key=lambda each: each.tied is not None))
         self.ties = Ties(laid, held, particles)
         """The springs and rods to particles."""
+        self.loads = Loads()
+        """What else acts on particles that touch bodies."""
         if self.books is not None:
             self.ties.refuse_led()
         self._crew: tuple[Bodies, Motion] | None = None
@@ -116,10 +131,12 @@ class RigidIsland(BaseIsland):
         self._kept_memory = self.memory
         self.kept_from = 0
         self._party: tuple[Bodies, Scene, Motion] | None = None
+        self._asked = False
         self.visitors: Visitors | None = None
         """Particles that make the next step among the bodies."""
-        self.pull_on: Callable[[float], Floats] | None = None
-        """By how much what else acts on them accelerates them at a time [m/s²], shape [3, n]."""
+        self.pull_on: Callable[[float, Floats | None], tuple[Floats, Floats]] | None = None
+        """By how much what else acts on them accelerates them at a time [m/s²], if they are shifted by so much, and by how
+        much they were in the precision of their places, shape [3, n]."""
         self.left: Left
         """The visitors after the step."""
         if self._made:
@@ -206,9 +223,16 @@ class RigidIsland(BaseIsland):
         b, report = self.bodies(), np.zeros(2)
         whole, scene, motion = self._received(b, visitors)
         guests = scene.guests
+        if self._asked and self.pull_on is not None:  # as it would be asked for again
+            visitors = inform(guests, visitors, self.pull_on(step * self.dt, None)[0], self.dt)
         while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
             if report[0] == ASKS and self.pull_on is not None:
-                guests.pull[:], guests.asked[0] = self.pull_on(step * self.dt), 1
+                if guests.asked[0] == 0:
+                    visitors = inform(guests, visitors, self.pull_on(step * self.dt, None)[0], self.dt)
+                if guests.probe.any():
+                    pull, shift = self.pull_on(step * self.dt, guests.probe)
+                    learn_bend(guests, shift, pull)
+                guests.asked[0] = 2
             elif report[0] == FULL:
                 self._make_room(2 * int(report[1]))
             else:
@@ -216,8 +240,29 @@ class RigidIsland(BaseIsland):
             fill(whole, b, visitors)  # from its beginning
             report[0] = GOOD
         self._have(whole)
+        self._asked, self.visitors = lies(guests), visitors
         self.left = left(whole, guests, visitors, self.dt)
         return None
+
+    def hold_guests(self, x: Floats, v: Floats, turning: Floats, there: Ints) -> tuple[Floats, Floats] | None:
+        """After all islands have made a step: the velocities and angular velocities of the guests of this step where they
+        lie on bodies, from those that they have now [3, n]; None where none does. Who is not `there` any more takes no
+        part."""
+        if self._party is None or self.ties.held:
+            return None
+        whole, scene, motion = self._party
+        b, n, guests = self.bodies(), self._joined.whole.count, scene.guests
+        for mine, now in zip(whole[:4], (b.x, b.v, b.turn, b.spin), strict=True):
+            mine[:, :n] = now
+        inertia = whole.inertia[0, n:]
+        turns = np.isfinite(inertia)
+        whole.x[:, n:], whole.v[:, n:] = x, v
+        whole.spin[:, n:] = np.where(turns, turning * np.where(turns, inertia, 0.0), 0.0)
+        guests.awaits[there == 0] = 0
+        if not hold_guests(scene, whole, self._contacts, motion):
+            return None
+        self._have(whole)
+        return whole.v[:, n:], whole.spin[:, n:] / inertia
 
     def _received(self, b: Bodies, visitors: Visitors) -> tuple[Bodies, Scene, Motion]:
         """Bodies with visitors, what acts on them, and room for what they do: what there was in the last step, if the same

@@ -11,7 +11,8 @@ impulses are given in the middle of the step, both are shifted afterwards to whe
 given at t: the body by −ΔV t, the guest by −Δv (h/2 + t), as its own method moves it with its new velocity from the
 beginning of the step on. So momentum and angular momentum are kept to rounding. To be moved takes work against the forces
 that act on them, F·Δv times that; the speed of an impact is therefore the one that forces have made by then (`solver.aim`),
-which needs to know what acts on guests (`asks`).
+which needs to know what acts on guests (`asks`). What the change of those forces on the way takes, of springs k/2 times the
+square of the shift, comes from the rebound (`timing.answered`).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from particlesim.bodies.pieces import BOX, CAPSULE, CYLINDER, HULL, SPHERE
 from particlesim.compiler import kernel, on_stack, outlined
 from particlesim.engine.rigid.bodies import add_contact, orientation, place, row, set_surface
 from particlesim.engine.rigid.convex import nearest
-from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, minus, plus
+from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, entry, minus, plus
 from particlesim.engine.rigid.pieces import Solid, solid_of
 from particlesim.engine.rigid.rotation import cross, dot, matrix, rotated, to_body, to_world
 
@@ -32,6 +33,8 @@ HOPS = 48
 """Steps of Newton's method at most."""
 NEAR = 1e-6
 """Distance that counts as touching, in units of the smallest size of a piece."""
+LEFT = 0.01
+"""The part of the overlap that bodies are left which guests are."""
 GRAINS = 1 << 48
 """First number for the features of guests, which are their ids."""
 
@@ -42,9 +45,11 @@ class Guests(NamedTuple):
 
     Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
     [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n]; the force of what acts on
-    particles alone, as it was in the last step [N] [3, n] (`other`). How many of the first ones rods hold. How much what
-    else acts on the others accelerates them at its beginning [m/s²] [3, n] (`pull`), once that has been `asked` for [1]: not
-    before one of them hits something.
+    particles alone [N] [3, n] (`other`); which of them springs and rods tie to bodies, and for which it counts [n]
+    (`awaits`): for what is tied, and for what touches something already. How many of the first ones rods hold. How much what
+    else acts on those that are not tied accelerates them at its beginning [m/s²] [3, n] (`pull`), once that has been `asked`
+    for [1]: not before one of them touches something, 1, or hits it, 2. About where the impulse of an impact will shift them
+    [3, n] (`probe`), and how much faster that makes what acts on them pull them back, for every metre [1/s²] [n] (`bend`).
     """
 
     first: int
@@ -59,9 +64,13 @@ class Guests(NamedTuple):
     at: Any
     shift: Any
     other: Any
+    tied: Any
+    awaits: Any
     held: int
     pull: Any
     asked: Any
+    probe: Any
+    bend: Any
 
 
 def away_from(p: Any, s: Any, x: Any, found: Any) -> Any:
@@ -153,7 +162,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
         at, radius, kind = place(b, guest), guests.radius[m], guests.kind[m]
         best[0, 0] = np.inf
         for axis in range(3):
-            guests.shift[axis, m] = 0.0
+            guests.shift[axis, m] = guests.probe[axis, m] = 0.0
         for i in range(guests.first):
             group = b.group[i]
             if guests.touch[kind, group] > 0:
@@ -172,6 +181,10 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                     if best[0, 0] < had:
                         which = i
         guests.when[m] = 0.0
+        guests.awaits[m] = 1 if guests.tied[m] > 0 or best[0, 0] < 0 else 0
+        if guests.awaits[m] == 0:
+            for axis in range(3):
+                guests.other[axis, m] = 0.0
         if 0 < best[0, 0] <= h:
             group, begin, when = b.group[which], k.number[0], best[0, 0] - 0.5 * h
             n, beside = on_impact(p, b, motion, which, guest, int(best[0, 1]), when, found)
@@ -184,9 +197,20 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                 moves = joined is None or joined[which] == 0
                 k.late[0, number], k.late[1, number] = best[0, 0], dot(row(guests.pull, m), n)
                 k.late[2, number] = best[0, 0] if moves else 0.5 * h
+                k.late[3, number] = guests.bend[m] * b.w[guest] * best[0, 0] ** 2
+            back = shift_back(b, motion, which, guest, n, guests.restitution[kind, group]) * best[0, 0]
+            for axis in range(3):
+                guests.probe[axis, m] = -back * entry(n, axis)
             meet(guests, k, begin, kind, group)
         for axis in range(3):
             guests.at[axis, m] = b.x[axis, guest]
+
+
+def shift_back(b: Any, motion: Any, i: Any, guest: Any, n: Any, e: Any) -> float:
+    """About how fast the impulse of an impact without spin makes a guest along the normal; 0 without rebound."""
+    body, own, w = motion.now[i], motion.now[guest], b.w[guest]
+    u = dot((body[0] - own[0], body[1] - own[1], body[2] - own[2]), n)
+    return (1 + e) * max(u, 0.0) * w / (w + b.w[i]) if e > 0 and w > 0 else 0.0
 
 
 @outlined
@@ -238,7 +262,9 @@ def follow(
     flies = now > NEAR * p.fine[s.number] and h * falls > slop
     if now <= max(NEAR * p.fine[s.number], slop) and not flies:
         where = plus(at, -(radius + 0.5 * now), n)
-        add_contact(k, i, guest, GRAINS + id, where, (-n[0], -n[1], -n[2]), now)
+        # What is deeper than a little is pushed out of it: of the overlap that bodies are left a guest has next to none.
+        gap = now - (1 - LEFT) * slop if now < 0 else now
+        add_contact(k, i, guest, GRAINS + id, where, (-n[0], -n[1], -n[2]), gap)
         best[0, 0] = -np.inf
         return
     gap, t = now, 0.0
@@ -255,11 +281,14 @@ def follow(
 
 
 def asks(guests: Any, k: Any) -> bool:
-    """Whether a guest hits a body, and it is not known yet what else acts on it."""
+    """Whether a guest hits or touches a body, and it is not known yet what else acts on it."""
     hits = False
-    if guests.asked[0] == 0:
+    if guests.asked[0] < 2:
         for c in range(k.number[0]):
             hits |= k.late[0, c] > 0
+    if guests.asked[0] == 0:
+        for m in range(guests.radius.size):
+            hits |= guests.awaits[m] > guests.tied[m]
     return hits
 
 

@@ -14,18 +14,18 @@ from typing import Any, NamedTuple
 
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.rigid.acting import potential_of, power, sum_all_forces
-from particlesim.engine.rigid.bodies import orientation, row
+from particlesim.engine.rigid.bodies import orientation, place, row
 from particlesim.engine.rigid.broad import find_contacts
 from particlesim.engine.rigid.grains import asks, settle_guests
 from particlesim.engine.rigid.joints import drift_joined, fit, level
-from particlesim.engine.rigid.narrow import entry
+from particlesim.engine.rigid.narrow import entry, plus
 from particlesim.engine.rigid.rotation import (
     dot,
     normalised,
     turned_by,
     turned_freely,
 )
-from particlesim.engine.rigid.solver import lay_out, push_apart, solve, velocities
+from particlesim.engine.rigid.solver import lay_out, push_apart, solve, solve_again, velocities
 from particlesim.engine.rigid.springs import snap
 from particlesim.engine.rigid.stops import motor_work
 from particlesim.engine.rigid.work import (
@@ -304,6 +304,24 @@ def close_joints(scene: Any, b: Any, motion: Any) -> bool:
     for component in range(scene.joints.next.size):
         held = fit(scene.joints, b, motion, component) and held
     return held
+
+
+@kernel
+def hold_guests(scene: Any, b: Any, k: Any, motion: Any) -> bool:
+    """Have guests that lie on bodies end a step, after all have made their own, with the velocities that contact has aimed
+    at: they and the bodies get more of its impulses, or give some of them back. Whether there are any."""
+    velocities(b, motion)
+    count, first = 0, scene.guests.first
+    for c in range(k.number[0]):
+        m = k.second[c] - first
+        if m >= 0 and k.turns[c] == 0 and not k.late[0, c] > 0 and scene.guests.awaits[m] > 0:
+            k.order[count] = c
+            count += 1
+            at = plus(place(b, first + m), scene.guests.radius[m], row(k.normal, c))
+            k.point[0, c], k.point[1, c], k.point[2, c] = at
+    if count > 0:
+        solve_again(b, k, motion, scene.joints, count)
+    return count > 0
 
 
 @kernel

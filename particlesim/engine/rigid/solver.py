@@ -33,7 +33,7 @@ from particlesim.engine.rigid.multipliers import begin_anew, correct, keep_impul
 from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.rotation import cross, turned_by, world_inverse
 from particlesim.engine.rigid.stops import LIMIT, MOTOR, ROLL, lay_turn, tangent
-from particlesim.engine.rigid.timing import RESTING, lean, turned_around
+from particlesim.engine.rigid.timing import RESTING, answered, find_carried, lean, turned_around
 
 WORK = 40_000
 """Looks at contacts of a cluster in a step at most, all sweeps together, beyond the least number of sweeps."""
@@ -41,6 +41,8 @@ LEAST_SWEEPS, MOST_SWEEPS = 16, 1000
 """Sweeps over a cluster of any size, and over the smallest."""
 TURNS, APART = 24, 4
 """Turns of the direct method at most, and those after which it is tried again to have friction go with what presses."""
+AGAIN = 50
+"""Sweeps at most over what guests still lack at the end of a step."""
 PUSHES = 12
 """Sweeps that push apart."""
 SETTLED = 1e-9
@@ -100,17 +102,19 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
             largest = max(largest, max(abs(speed_along(k, motion, c, 1)), abs(speed_along(k, motion, c, 2))))
             continue
         gap, own = max(k.gap[c], 0.0), k.late[1, c]
-        meets = now * h < -gap
-        quick = before < -RESTING * abs(now - before + h * own)
+        lies_under = not k.late[0, c] > 0 and k.late[3, c] != 0
+        free = now + k.late[3, c] if lies_under else now
+        meets = free * h < -gap
+        quick = before < -RESTING * abs(free - before + h * own)
         rebound = -k.surface[0, c] * before
         if k.late[0, c] > 0:
             # At that time of the step it is as fast as all that acts has made it by then, not as at the beginning.
             lies = k.late[2, c] == LIES
             kicked = before if lies else now
             struck = before + k.late[0, c] * own + (0.0 if lies else k.late[2, c] * (now - before) / h)
-            rebound = kicked - (1 + k.surface[0, c]) * struck
-        elif k.second[c] == WORLD and 0 < k.surface[0, c] < 1:
-            rebound = max(turned_around(before, now, gap, k.surface[0, c], h), -gap / h)
+            rebound = kicked - answered(k.surface[0, c], k.late[3, c] * k.rows[c, 0, 15]) * struck
+        elif lies_under or (k.second[c] == WORLD and 0 < k.surface[0, c] < 1):
+            rebound = max(turned_around(before, free, gap, k.surface[0, c], h), -gap / h)
         k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -gap / h
         largest = max(largest, max(abs(now), abs(now - before)))
         if meets:
@@ -156,6 +160,7 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
     their velocities and angular momenta afterwards."""
     gather(k, motion, joints)
     lean(b, k, motion, h)
+    find_carried(b, k, motion, h)
     for cluster in range(motion.clusters[0]):
         level_all(b, motion, motion.now, motion.gained, joints, cluster)
         motion.largest[cluster] = aim(k, motion, cluster, h)
@@ -170,6 +175,35 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
         yield_energy(b, k, motion, joints, h)
     hold_back(b, k, motion, h)
     remember(k, memory)
+    for i in range(b.w.size):
+        for axis in range(3):
+            b.v[axis, i] = motion.now[i, axis]
+            b.spin[axis, i] += motion.gained[i, axis]
+
+
+@outlined
+def solve_again(b: Any, k: Any, motion: Any, joints: Any, count: Any) -> None:
+    """Give what the first `count` contacts of `k.order` lack to their speeds, or have too much, now that velocities have
+    changed; each goes on with the impulse that it has."""
+    largest = 0.0
+    for at in range(count):
+        c = k.order[at]
+        i, j, n, place = k.first[c], k.second[c], row(k.normal, c), row(k.point, c)
+        one = tangent(n)
+        direct(b, k, motion, c, 0, i, j, place, n)
+        direct(b, k, motion, c, 1, i, j, place, one)
+        direct(b, k, motion, c, 2, i, j, place, cross(n, one))
+        for d in range(3):
+            largest = max(largest, abs(speed_along(k, motion, c, d)))
+        # It rebounds once.
+        k.target[c] = min(k.target[c], max(speed_along(k, motion, c, 0), 0.0))
+    for turn in range(AGAIN):
+        worst = sweep(b, k, motion, 0, count, turn % 2 == 1)
+        if joints is not None:
+            for component in range(joints.next.size):
+                level(joints, b, motion.now, motion.gained, component)
+        if not worst > SETTLED * largest:
+            break
     for i in range(b.w.size):
         for axis in range(3):
             b.v[axis, i] = motion.now[i, axis]

@@ -36,6 +36,54 @@ def lean(b: Any, k: Any, motion: Any, h: Any) -> None:
                 k.late[2, c] = LIES
 
 
+def kick_along(b: Any, k: Any, motion: Any, c: Any, second: Any, h: Any) -> Any:
+    """The speed along the normal of a contact that forces give to its first or second body in a step."""
+    i, start = (k.second[c], 12) if second else (k.first[c], 9)
+    e, f = k.rows[c, 0], motion.pull[i]
+    speed = b.w[i] * (e[0] * f[0] + e[1] * f[1] + e[2] * f[2])
+    return h * (speed + e[start] * f[3] + e[start + 1] * f[4] + e[start + 2] * f[5])
+
+
+@outlined
+def find_carried(b: Any, k: Any, motion: Any, h: Any) -> None:
+    """Where bodies hit each other with some rebound, which of them lie on something, into `bend`: that takes the kick of
+    forces back. `target` still has the speeds before it."""
+    hit = False
+    for c in range(k.number[0]):
+        hit |= rebounds_from_body(k, c) and k.target[c] < 0
+    for i in range(b.w.size if hit else 0):
+        motion.bend[i] = 0.0
+    for c in range(k.number[0] if hit else 0):
+        now, before = speed_along(k, motion, c, 0), k.target[c]
+        meets = now * h < -max(k.gap[c], 0.0) and k.turns[c] == 0 and not k.late[0, c] > 0
+        if meets and not before < -RESTING * abs(now - before):
+            if kick_along(b, k, motion, c, False, h) < 0:
+                motion.bend[k.first[c]] = 1.0
+            if k.second[c] != WORLD and kick_along(b, k, motion, c, True, h) > 0:
+                motion.bend[k.second[c]] = 1.0
+    for c in range(k.number[0]):
+        k.late[3, c] = 0.0 if not k.late[0, c] > 0 else k.late[3, c]
+        if hit and rebounds_from_body(k, c) and motion.bend[k.first[c]] != motion.bend[k.second[c]]:
+            second = motion.bend[k.second[c]] > 0
+            kick = kick_along(b, k, motion, c, second, h)
+            k.late[3, c] = kick if second else -kick
+
+
+def rebounds_from_body(k: Any, c: Any) -> bool:
+    """Whether a contact is one of two bodies with some rebound."""
+    pair = k.second[c] != WORLD and k.turns[c] == 0 and not k.late[0, c] > 0
+    return bool(pair and k.surface[0, c] > 0)
+
+
+def answered(e: Any, stiff: Any) -> Any:
+    """By how much an impact changes the speed of approach u, in units of it: 1 + e, but for what the shift by its impulse
+    takes, c (Δu)²/2 with the part c = `stiff` of the energies: (1 + c) (Δu)² − 2 u Δu + (1 − e²) u² = 0. It is stopped at
+    least, and gains nothing."""
+    c = max(stiff, -0.5)
+    square = e * e - c * (1 - e * e)
+    return max((1 + (np.sqrt(square) if square > 0 else 0.0)) / (1 + c), min(1.0, 2 / (1 + c)))
+
+
 def turned_around(before: Any, now: Any, gap: Any, e: Any, h: Any) -> Any:
     """The speed of a rebound in the middle of a step, from a speed `before` the kick of the step that is `now` one, a gap
     before contact, such that it comes as high as if it had gone on: with u² + 2 a s on the way there, e² of that, and the

@@ -19,8 +19,9 @@ EPS = float(np.finfo(float).eps)
 class Visitors(NamedTuple):
     """Particles that may touch bodies: places, velocities and angular momenta [3, n]; 1/m, 0 for those that are held,
     moments of inertia, infinite for those that do not turn, kinds, radii, ids [n]; contact by kind and group of bodies
-    [kinds, groups]; by how much what else acts on them changes their velocities in a step, as it did in the last one [3, n];
-    how many of them, the first ones, rods hold."""
+    [kinds, groups]; by how much what else acts on them changes their velocities in a step [3, n], of what is not tied to
+    bodies without its forces before these are known, and moves them beyond half of that (`beyond` [3, n]); which of them
+    springs and rods tie to bodies [n]; how many of them, the first ones, rods hold."""
 
     x: Floats
     v: Floats
@@ -35,21 +36,32 @@ class Visitors(NamedTuple):
     static: Floats
     kinetic: Floats
     gain: Floats
+    beyond: Floats
+    tied: Ints
     held: int = 0
 
 
 class Left(NamedTuple):
-    """Visitors after a step: new velocities and angular velocities, by how much they are to be moved [3, n], and whether
-    anything has touched them [n]."""
+    """Visitors after a step: new velocities and angular velocities, by how much they are to be moved [3, n], whether
+    anything has touched them [n], and by how much forces change their velocities [m/s], no numbers where none
+    lies on a body [3, n]."""
 
     v: Floats
     turning: Floats
     shift: Floats
     moved: Ints
+    forces: Floats
 
 
-def among(chosen: Sequence[tuple[GroupState, Ints]], surfaces: Floats, gain: Floats, held: int) -> Visitors:
-    """Some rows of groups as visitors, with what contact of each group does [4, kinds, groups of bodies]."""
+def among(
+    chosen: Sequence[tuple[GroupState, Ints]],
+    surfaces: Floats,
+    load: Floats,
+    held: int,
+    tied: Ints,
+) -> Visitors:
+    """Some rows of groups as visitors, with what contact of each group does [4, kinds, groups of bodies], and `load`, which
+    is `gain` and `beyond` [6, n]."""
     parts = []
     for kind, (state, rows) in enumerate(chosen):
         radius, weight = state.radius[rows].astype(float), 1 / state.mass[rows].astype(float)
@@ -63,7 +75,8 @@ def among(chosen: Sequence[tuple[GroupState, Ints]], surfaces: Floats, gain: Flo
         x, v = state.x[:, rows].astype(float), state.v[:, rows].astype(float)
         parts.append((x, v, spin, weight, inertia, np.full(len(rows), kind), radius, state.id[rows]))
     columns = [np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)]
-    return Visitors._make([*columns, *surfaces, np.where(columns[3] > 0, gain, 0.0), held])
+    load = np.where(columns[3] > 0, load, 0.0)
+    return Visitors._make([*columns, *surfaces, load[:3], load[3:], tied, held])
 
 
 def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
@@ -72,9 +85,17 @@ def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
     tables = (visitors.touch, visitors.restitution, visitors.static, visitors.kinetic)
     scratch = (np.zeros(n), np.zeros((3, n)), np.zeros((3, n)))
     columns = (visitors.kind, visitors.radius, visitors.id, *tables)
-    known = (np.zeros((3, n)), np.zeros(1, np.int64))
+    known = (np.zeros((3, n)), np.zeros(1, np.int64), np.zeros((3, n)), np.zeros(n))
     return Guests._make(
-        [bodies, *(each.copy() for each in columns), *scratch, _others(visitors, h), visitors.held, *known]
+        [
+            bodies,
+            *(each.copy() for each in columns),
+            *scratch,
+            _others(visitors, h),
+            *(visitors.tied.copy(), np.zeros(n, np.int64)),
+            visitors.held,
+            *known,
+        ]
     )
 
 
@@ -95,7 +116,16 @@ def joined(b: Bodies, visitors: Visitors) -> Bodies:
 def renew(guests: Guests, visitors: Visitors, h: float) -> None:
     """The same visitors in another step."""
     guests.other[:] = _others(visitors, h)
-    guests.pull[:], guests.asked[0] = 0.0, 0
+    guests.tied[:] = visitors.tied
+    guests.pull[:], guests.asked[0], guests.bend[:] = 0.0, 0, 0.0
+
+
+def inform(guests: Guests, visitors: Visitors, pull: Floats, h: float) -> Visitors:
+    """Visitors, now that it is known what accelerates those that are not tied to bodies [m/s²], shape [3, n]."""
+    guests.pull[:], guests.asked[0] = pull, 1
+    visitors = visitors._replace(gain=visitors.gain + np.where(visitors.w > 0, h * pull, 0.0))
+    guests.other[:] = _others(visitors, h)
+    return visitors
 
 
 def fill(whole: Bodies, b: Bodies, visitors: Visitors) -> None:
@@ -112,14 +142,27 @@ def fill(whole: Bodies, b: Bodies, visitors: Visitors) -> None:
         mine[..., n:] = each
 
 
+def learn_bend(guests: Guests, shift: Floats, pull: Floats) -> None:
+    """What accelerates guests where they have been shifted so far is known, too [m/s²], both [3, n]."""
+    length2, back = (shift**2).sum(axis=0), ((guests.pull - pull) * shift).sum(axis=0)
+    guests.bend[:] = np.divide(back, length2, out=np.zeros_like(back), where=length2 > 0)
+    guests.asked[0] = 2
+
+
+def lies(guests: Guests) -> bool:
+    """Whether some guest that is not tied to bodies touches one."""
+    return bool((guests.awaits > guests.tied).any())
+
+
 def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
     """The visitors after a step of length h."""
     part, held = slice(guests.first, None), visitors.held
     x, end, spin = whole.x[:, part], whole.v[:, part], whole.spin[:, part]
-    v = end - visitors.gain
+    gain = np.where(guests.awaits > 0, visitors.gain, 0.0)
+    v = end - gain
     change = v - visitors.v
-    rounding = 4 * EPS * (np.abs(end) + np.abs(visitors.gain))
-    change[(np.abs(change) <= rounding) & (visitors.gain != 0)] = 0.0
+    rounding = 4 * EPS * (np.abs(end) + np.abs(gain))
+    change[(np.abs(change) <= rounding) & (gain != 0)] = 0.0
     v = np.where(change == 0, visitors.v, v)
     # What has been moved apart, beyond the drift of the second half.
     apart = x - guests.at - 0.5 * h * end
@@ -127,6 +170,11 @@ def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
     moved |= np.abs(apart).max(axis=0) > 1e-12 * (1 + np.abs(guests.at).max(axis=0))
     shift = np.where(np.abs(apart) > 1e-12 * (1 + np.abs(guests.at)), apart, 0.0)
     shift += guests.shift - 0.5 * h * change
+    # What contact takes back, a method may have moved them further by than half of it.
+    length2, along = (change**2).sum(axis=0), (change * visitors.beyond).sum(axis=0)
+    part_of = np.divide(along, length2, out=np.zeros_like(along), where=(length2 > 0) & (guests.awaits > 0))
+    shift -= part_of * change
     # Rods give impulses at the beginning and at the end of the step, too: only the places at its ends tell.
-    shift[:, :held] = (x - visitors.x - h * (v + 0.5 * visitors.gain))[:, :held]
-    return Left(v, spin / visitors.inertia, shift, moved)
+    shift[:, :held] = (x - visitors.x - h * (v + 0.5 * gain))[:, :held]
+    forces = h * guests.pull if lies(guests) else np.full_like(shift, np.nan)
+    return Left(v, spin / visitors.inertia, shift, moved, forces)
