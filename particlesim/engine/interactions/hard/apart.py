@@ -22,7 +22,8 @@ from particlesim.engine.interactions.hard.at_once import (
     SCALE,
     SECOND,
 )
-from particlesim.engine.interactions.hard.bench import COUNT, KEPT, NEAR_WALL, PAIRED, WAY
+from particlesim.engine.interactions.hard.bench import COUNT, KEPT, PAIRED
+from particlesim.engine.interactions.hard.memory import way_by
 from particlesim.engine.interactions.touching import line_between
 from particlesim.engine.state.columns import type_of
 
@@ -44,7 +45,7 @@ def move_on(each: Any, c: Any, h: Any) -> None:
             dx, dy, dz = float(c.vx[i]) - s[0, i], float(c.vy[i]) - s[1, i], float(c.vz[i]) - s[2, i]
             speed = np.sqrt(dx * dx + dy * dy + dz * dz)
             if speed > 0:
-                way = min(h * s[WAY, i], NEAR_WALL * float(c.r[i]) / speed)
+                way = way_by(c, s, i, speed, h)
                 c.x[i] += type_of(c.x[i], way * dx)
                 c.y[i] += type_of(c.y[i], way * dy)
                 c.z[i] += type_of(c.z[i], way * dz)

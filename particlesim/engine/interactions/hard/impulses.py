@@ -47,6 +47,7 @@ from particlesim.engine.interactions.hard.memory import (
     Known,
     known_by,
     new_known,
+    note_impulses,
     note_speeds,
     recall,
     remember,
@@ -230,10 +231,10 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         if going & (each.law.restitution < 1):
             chosen = choose(each.bench, each.a, c, each.report[COUNT], walls, calm)
             rest_at_once(each, parts, c, t, chosen, walls, calm)
-            settle(each, c, walls, h)
+            settle(each, c, before, walls, h)
             apart_at_once(each, parts, c, t, chosen, walls)
         else:
-            settle(each, c, walls, h)
+            settle(each, c, before, walls, h)
         turn, going = 0, True
         while (turn < TURNS_APART[0]) | (going & (turn < TURNS_APART[1])):
             going = move_apart(each, c)
@@ -242,14 +243,15 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         # not what steps take away from overlaps, and forces bring back
         most = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
         book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), most))
+        note_impulses(each, c, before)
     else:
         remember(each, walls)
 
 
 @outlined
-def settle(each: Any, c: Any, walls: Any, h: Any) -> None:
+def settle(each: Any, c: Any, before: Any, walls: Any, h: Any) -> None:
     """Conclude what impulses have done."""
-    take_back(each, c, walls)
+    take_back(each, c, before, walls, h)
     remember(each, walls)
     move_on(each, c, h)
 

@@ -8,7 +8,8 @@ it back. So at the end the energy of every cluster is compared. If impulses have
 
     E₁ − E₀ − W = b + ½ a > 0,    a = Σ m |Δv|² + I |Δω|²,
 
-where W is the work of colliders and others that nothing moves, then all of them are scaled by φ = max(−2 b/a, 0) < 1, with
+where W is the work of colliders and others that nothing moves, and of forces on the way by which impulses displace
+particles, where that is more than 0, then all of them are scaled by φ = max(−2 b/a, 0) < 1, with
 which they add nothing. All of them act between two particles, or at a collider, so momentum is kept.
 
 Source: the starts of sequential impulses, E. Catto, Iterative dynamics with temporal coherence (2005).
@@ -27,12 +28,14 @@ from particlesim.engine.interactions.hard.bench import (
     COUNT,
     GAIN,
     LIMIT,
+    NEAR_WALL,
     OWN,
     PAIRED,
     REST,
     RUBS,
     SQUARE,
     TURN,
+    WAY,
     WORK,
 )
 from particlesim.engine.interactions.hard.turns import give_pair, turn_pair
@@ -208,6 +211,16 @@ def note_speeds(each: Any, c: Any) -> None:
 
 
 @outlined
+def note_impulses(each: Any, c: Any, before: Any) -> None:
+    """Let what comes after in the step take impulses for what was there before it, and not for what forces have done."""
+    mark, s = each.bench.mark, each.bench.start
+    for i in range(mark.size):
+        if (mark[i] & PAIRED) != 0:
+            for axis, now in enumerate((c.vx, c.vy, c.vz)):
+                before[3 + axis, i] += type_of(now[i], float(now[i]) - s[axis, i])
+
+
+@outlined
 def start(each: Any, c: Any, walls: Any) -> None:
     """Give all contacts what they begin with."""
     bench, pairs = each.bench, each.report[COUNT]
@@ -230,11 +243,13 @@ def start(each: Any, c: Any, walls: Any) -> None:
 
 
 @outlined
-def take_back(each: Any, c: Any, walls: Any) -> None:
+def take_back(each: Any, c: Any, before: Any, walls: Any, h: Any) -> None:
     """Scale impulses in clusters to which they have added energy."""
     mark, s, cluster = each.bench.mark, each.bench.start, each.bench.desk.cluster
+    book_moves(each, c, before, h)
     for i in range(mark.size):
         if (mark[i] & PAIRED) != 0:
+            s[WORK, i] += max(s[GAIN, i], 0.0)
             s[GAIN, i] = s[SQUARE, i] = 0.0
     for i in range(mark.size):
         if ((mark[i] & PAIRED) != 0) & (each.a[i] > 0):
@@ -268,6 +283,29 @@ def take_back(each: Any, c: Any, walls: Any) -> None:
             scale(bench, k, s[GAIN, root(cluster, i if each.a[i] > 0 else j)])
         for q in range(walls):
             scale(bench, pairs + q, s[GAIN, root(cluster, bench.wall[q])])
+
+
+@outlined
+def book_moves(each: Any, c: Any, before: Any, h: Any) -> None:
+    """The work of forces, in each cluster, on the way by which impulses displace particles (`move_on`)."""
+    mark, s, cluster = each.bench.mark, each.bench.start, each.bench.desk.cluster
+    for i in range(mark.size):
+        if (mark[i] & PAIRED) != 0:
+            s[GAIN, i] = 0.0
+    for i in range(mark.size):
+        if (mark[i] == PAIRED) & (each.a[i] > 0):  # what a collider has thrown back does not tell of forces
+            power, square = 0.0, 0.0
+            for axis, now in enumerate((c.vx, c.vy, c.vz)):
+                change = float(now[i]) - s[axis, i]
+                power += change * (s[axis, i] - float(before[3 + axis, i]))
+                square += change * change
+            s[GAIN, root(cluster, i)] += way_by(c, s, i, np.sqrt(square), h) / h * power / float(each.a[i])
+
+
+def way_by(c: Any, s: Any, i: Any, speed: Any, h: Any) -> Any:
+    """How long a particle moves on with the change of its velocity by impulses [s]."""
+    most = h * s[WAY, i]
+    return min(most, NEAR_WALL * float(c.r[i]) / speed) if speed > 0 else most
 
 
 def scale_speeds(c: Any, i: Any, s: Any, part: Any) -> None:

@@ -44,6 +44,11 @@ SETTLED, CALM = 1e-3, 1e-9
 that there is."""
 BLOW = 1e3
 """How many times as fast as what rebounds at least is what only hits, and leaves nothing for rest."""
+MIDDLE = 0.5
+"""When an impact takes place, as a part of what forces do in its step."""
+NOISE, OTHER = 1e-6, 0.1
+"""Ways in a step, as parts of how far from the origin they are, that say nothing; by how much the one of a particle that has
+hit something differs from that of a method, as a part of it."""
 GENTLY = 0.02
 """The part of the smaller radius by which a step makes an overlap smaller at most."""
 
@@ -67,18 +72,24 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
     elsewhere in its cluster. What flies feels only differences of forces.
     """
     bench, rest, most = each.bench, type_of(c.x[0], REST), type_of(c.x[0], 0)
-    fastest = most
+    fastest, usual = most, MIDDLE
     join(bench, each.a, each.report[COUNT], walls)
     cluster, change = bench.desk.cluster, bench.change
     for k in range(each.report[COUNT]):
         change[bench.rows[0, k]] = change[bench.rows[1, k]] = 0
     for i in range(bench.mark.size):
         if bench.mark[i] == PAIRED:  # and not thrown back: how fast says nothing about forces
-            x, y, z = c.vx[i] - before[3, i], c.vy[i] - before[4, i], c.vz[i] - before[5, i]
-            at = root(cluster, i)
-            change[at] = max(change[at], np.sqrt(x * x + y * y + z * z))
-        if (bench.mark[i] & PAIRED) != 0:
-            bench.start[WAY, i] = way_of(c, before, i, float(h))
+            way = way_of(c, before, i, float(h))
+            if way < 0:
+                bench.mark[i] = PAIRED | THROWN
+            else:
+                x, y, z = c.vx[i] - before[3, i], c.vy[i] - before[4, i], c.vz[i] - before[5, i]
+                at = root(cluster, i)
+                change[at] = max(change[at], np.sqrt(x * x + y * y + z * z))
+                usual = bench.start[WAY, i] = way
+    for i in range(bench.mark.size):
+        if (bench.mark[i] & THROWN) != 0:
+            bench.start[WAY, i] = max(usual - MIDDLE, 0.0)
     for q in range(walls):  # hops that are as short as what forces bring about in a step are rest
         n, at = bench.wall_normal, root(cluster, bench.wall[q])
         if (n[LEAST, q] == FREE) & (n[ABOVE, q] < rest * type_of(most, h) * change[at]):
@@ -107,13 +118,16 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         bench.normal[KEPT, k] = max(min(began, c.r[i] + c.r[j] - ends) - gently, gently - gently)
         now = (c.vx[i] - c.vx[j]) * x + (c.vy[i] - c.vy[j]) * y + (c.vz[i] - c.vz[j]) * z
         mine, other = changed_along(bench, c, before, i, x, y, z), changed_along(bench, c, before, j, x, y, z)
+        # where impulses displace less than that, forces have done as much less on the way
+        part = MIDDLE - usual + bench.start[WAY, i]
+        later = part * float(mine) - (MIDDLE - usual + bench.start[WAY, j]) * float(other)
         at = root(cluster, i if each.a[i] > 0 else j)
         stands = cluster[STANDS, at] > 0
         least = rest * (max(abs(mine), abs(other)) if stands else abs(mine - other))
         if stands & (-now <= least):
             least = rest * change[at]
         bench.normal[LEAST, k], bench.normal[PARTING, k] = least, 0
-        bench.normal[LATER, k] = type_of(least, -0.5) * (mine - other)
+        bench.normal[LATER, k] = type_of(least, -later)
         most, fastest = max(most, abs(mine - other)), max(fastest, -now)
     for q in range(walls):
         n, i = bench.wall_normal, bench.wall[q]
@@ -150,15 +164,19 @@ def line_when(bench: Any, c: Any, i: Any, j: Any, k: Any, h: Any) -> Any:
 
 def way_of(c: Any, before: Any, i: Any, h: float) -> float:
     """How far forces have moved a particle in the step over what they have changed its velocity by times the step, which is
-    a property of the method: 0, a half, or 1."""
+    a property of the method: 0, a half, or 1; less than 0 where it moves as no method does, and has been thrown back."""
     u, v, w = float(before[3, i]), float(before[4, i]), float(before[5, i])
     dx, dy, dz = h * (float(c.vx[i]) - u), h * (float(c.vy[i]) - v), h * (float(c.vz[i]) - w)
     x = float(c.x[i]) - float(before[0, i]) - h * u
     y = float(c.y[i]) - float(before[1, i]) - h * v
     z = float(c.z[i]) - float(before[2, i]) - h * w
     size = dx * dx + dy * dy + dz * dz
-    part = (x * dx + y * dy + z * dz) / size if size > 0 else 0.5
-    return 0.0 if part < 0.25 else (0.5 if part < 0.75 else 1.0)
+    part = (x * dx + y * dy + z * dz) / size if size > 0 else MIDDLE
+    way = 0.0 if part < 0.25 else (0.5 if part < 0.75 else 1.0)
+    x, y, z = x - way * dx, y - way * dy, z - way * dz
+    far = abs(float(c.x[i])) + abs(float(c.y[i])) + abs(float(c.z[i])) + h * (abs(u) + abs(v) + abs(w))
+    known = size > NOISE * NOISE * far * far
+    return -1.0 if known & (x * x + y * y + z * z > OTHER * OTHER * size) else way
 
 
 def changed_along(bench: Any, c: Any, before: Any, i: Any, x: Any, y: Any, z: Any) -> Any:

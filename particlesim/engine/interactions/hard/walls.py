@@ -90,7 +90,17 @@ def watch_wall(
                     end = list_side(each, collider, number, c, before, h, i, p, g, whole(n, g), end)
                     if not isinstance(collider.shape, FLAT):
                         end = list_corner(each, collider, number, c, before, h, i, p, whole(n, g), end)
+                elif thrown_back(collider, before, h, i, p, g, whole(n, g)):
+                    bench.mark[i] = PAIRED | THROWN
     return end
+
+
+def thrown_back(collider: Any, before: Any, h: Any, i: Any, p: Any, g: Any, n: Any) -> Any:
+    """Whether a particle with a gap g comes from a collider that it may have touched in the step."""
+    along = speed_along(collider, p, n)
+    came = before[3, i] * n[0] + before[4, i] * n[1] + before[5, i] * n[2] - along
+    leaves = p.vx * n[0] + p.vy * n[1] + p.vz * n[2] - along
+    return (leaves > came) & (g <= type_of(g, h) * max(abs(leaves), abs(came)))
 
 
 def list_corner(
@@ -136,19 +146,17 @@ def list_side(
     dx, dy, dz = p.vx - before[3, i], p.vy - before[4, i], p.vz - before[5, i]
     bench.wall[end], bench.collider[end] = i, number
     w[0, end], w[1, end], w[2, end] = n
-    along = speed_along(collider, p, n)
-    leaves, thrown = p.vx * n[0] + p.vy * n[1] + p.vz * n[2] - along, dx * n[0] + dy * n[1] + dz * n[2] > 0
     # what has been thrown back in the step has touched it
-    lies = (g < type_of(g, ON_WALL) * p.r) | (thrown & (g <= type_of(g, h) * leaves))
+    lies = (g < type_of(g, ON_WALL) * p.r) | thrown_back(collider, before, h, i, p, g, n)
     least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
     free = type_of(g, FREE if collider.response.bounce < 2 else BOUNCY)
     w[LEAST, end], w[PARTING, end] = least if lies else free, 0
     w[ABOVE, end] = type_of(g, 0) if lies else g
-    w[ALONG, end] = along
+    w[ALONG, end] = speed_along(collider, p, n)
     for axis, u in enumerate(surface_of(collider, c, p, n)):
         w[OWN + axis, end] = u
     w[RUBS, end] = static_of(collider, c)
-    if thrown:
+    if dx * n[0] + dy * n[1] + dz * n[2] > 0:
         bench.mark[i] = PAIRED | THROWN
     return end + 1
 
