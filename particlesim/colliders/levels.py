@@ -25,6 +25,15 @@ class LevelsRecord(NamedTuple):
     distances: NDArray[np.float64]
     step: tuple[float, float]
 
+    def __eq__(self, other: object) -> bool:
+        # models that hold it are compared
+        if not isinstance(other, LevelsRecord):
+            return NotImplemented
+        return self.step == other.step and np.array_equal(self.distances, other.distances)
+
+    def __hash__(self) -> int:
+        return hash(self.step)
+
 
 def levels_of(low: Floats, high: Floats, steep: Floats) -> LevelsRecord:
     """The bounds from cells, in each of which φ is between two numbers and its slope has a bound."""
