@@ -90,15 +90,14 @@ def test_grains_under_two_laws_hit_as_under_one(e: float) -> None:
         for one, other in (("a", "b"), ("b", "c"))
     ]
     v = ps.run(ps.from_table(table(20 * DT, DT, particles=groups, interactions=laws))).final.velocity[:, 0]
-    first, second = 0.5 * (1 + e), 0.5 * (1 - e)
+    first = 0.5 * (1 + e)
     assert v.sum() == pytest.approx(1)
     assert v[2] == pytest.approx(first * first)
     if e == 1:
         assert np.abs(v[:2]).max() < 1e-12
     else:
-        # b goes on at second·first, behind a at second: they meet again
+        # a may have hit b a second time
         assert v[:2].sum() == pytest.approx(1 - first * first)
-    assert second >= 0
 
 
 @pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler"])
