@@ -101,6 +101,10 @@ class World:
         """For every set of springs that can break: how many are broken, and how many there were."""
         return {name: (int(np.isfinite(when).sum()), len(when)) for name, when in self.broke().items()}
 
+    def exhausted_steps(self) -> int:
+        """In how many steps of one particle each there were more impacts than are followed."""
+        return sum(state.exhausted_steps() for state in self.states)
+
     def missed_crossings(self) -> int:
         """How often particles have passed a collider that looks at the end of steps alone without being seen."""
         return sum(state.missed_crossings() for state in self.states)

@@ -31,6 +31,7 @@ from particlesim.runs.validity import (
     check_ledger,
     check_stored,
     doubtful,
+    exhausted,
     missed,
 )
 from particlesim.scenario.load import load
@@ -308,6 +309,7 @@ def _result(course: Course, path: Path | None, notes: tuple[str, ...], advised: 
             *course.watch.warnings,
             *simulation.warnings(),
             *missed(simulation),
+            *exhausted(simulation),
             *filter(None, problems),
         ),
         broken=simulation.broken(),

@@ -15,6 +15,7 @@ from particlesim.engine.diagnosis.overlaps import no_room, overlaps
 from particlesim.engine.islands.base import Intrusion
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import double_advised, remedy
+from particlesim.engine.step.impacts import MAX_IMPACTS
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.groups.group import Particles
@@ -340,6 +341,16 @@ def missed(world: World) -> tuple[str, ...]:
     return (
         f"{number:,} crossing{'s' if number > 1 else ''} of colliders with discrete detection fell between the ends of "
         'steps and had no effect; detection = "continuous" misses none',
+    )
+
+
+def exhausted(world: World) -> tuple[str, ...]:
+    """A sentence where particles have had more impacts in a step than are followed."""
+    if (number := world.exhausted_steps()) == 0:
+        return ()
+    return (
+        f"{'once' if number == 1 else f'{number:,} times'} a particle met colliders more than {MAX_IMPACTS} times in one "
+        "step, and finished it without rebound, which may have taken energy: a smaller dt lets it rebound",
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from particlesim.colliders.response import crossable
-from particlesim.engine.state.columns import block_of, fetch, note, span, store, type_of
+from particlesim.engine.state.columns import block_of, fetch, note, span, store, tire, type_of
 from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed
 from particlesim.engine.step.crossing import crossings, passable
 from particlesim.engine.step.hits import tell
@@ -99,9 +99,11 @@ def _collide(
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
             p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
-                r, _, outcome, hit = trace(way_between(p, q, hi), Newtonian(), (), contacts, p, hi, ())
+                way = way_between(p, q, hi)
+                r, _, outcome, hit, exhausted = trace(way, Newtonian(), (), contacts, p, hi, ())
                 forget(c.memory, i)
                 tell(c.hit, i, hit)
+                tire(c, i, exhausted)
             else:
                 r, outcome = respond(contacts, q)
                 if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:

@@ -47,6 +47,7 @@ from particlesim.engine.state.columns import (
     note,
     put_back,
     span,
+    tire,
     type_of,
 )
 from particlesim.engine.step.contacts import Simple, meet, pushed
@@ -228,10 +229,11 @@ def touch(program: Any, c: Any, d: Any, k: Any, q: Any) -> Any:
     h = type_of(p.x, d.clock[TAKEN, k])
     inside = overlapped(program.contacts, p, q, h)
     if inside:
-        q, _, outcome, hit = trace(
+        q, _, outcome, hit, exhausted = trace(
             program.method, program.dynamics, program.forces, program.contacts, p, h, (h,)
         )
         tell(c.hit, d.row[k], hit)
+        tire(c, d.row[k], exhausted)
     if len(program.contacts.soft) > 0:
         r = pushed(program.contacts.soft, q, h)
         inside |= (r.vx != q.vx) | (r.vy != q.vy) | (r.vz != q.vz)

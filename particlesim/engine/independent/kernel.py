@@ -31,6 +31,7 @@ from particlesim.engine.state.columns import (
     span,
     still,
     store,
+    tire,
     type_of,
     unless,
 )
@@ -273,7 +274,7 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
             begin, hi = span(c.clock, i, t, end, h)
             p = saved(room.before, i, fetch_known(c, inverse, i, begin), begin)
             free = fetch(c, i, end)
-            q, memory, outcome, hit = trace(
+            q, memory, outcome, hit, exhausted = trace(
                 program.method,
                 program.dynamics,
                 program.forces,
@@ -286,6 +287,7 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
             remember(c.memory, i, True, memory)
             note(c.clock, i, outcome, q.t)
             tell(c.hit, i, hit)
+            tire(c, i, exhausted)
             if repeats(program.contacts, c.memory) and outcome == PASS:
                 note_way(room.ways, i, p, free, q, end)
 

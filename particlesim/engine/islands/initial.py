@@ -12,8 +12,8 @@ from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.rigid.rotation import matrix
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
-from particlesim.engine.state.table import CLOCK, HEARD, ROTATION, SPIN, WATCHED
-from particlesim.engine.step.records import may_miss, needs_clock
+from particlesim.engine.state.table import CLOCK, HEARD, ROTATION, SPIN, TRACED, WATCHED
+from particlesim.engine.step.records import may_exhaust, may_miss, needs_clock
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group, Particles
@@ -53,6 +53,7 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
             *([SPIN] if spins(scenario, group) else []),
             *([HEARD] if island.heard and any(k is not None for k in island.heard[member]) else []),
             *([WATCHED] if may_miss(colliders, group) else []),
+            *([TRACED] if may_exhaust(colliders, group) else []),
         ],
         cooling=group.cooling,
     )

@@ -55,7 +55,8 @@ class Spin(NamedTuple):
 class Columns(NamedTuple):
     """The arrays of a group, or their slices for a block. `further` are further attributes in the order of their table,
     each None where no law reads it; `spin` is None where particles do not turn; `missed` how many colliders a particle has
-    passed unseen, None where none can be; `hit` the first impact of the present step, in the order of `HIT`, empty where no
+    passed unseen, None where none can be; `exhausted` in how many steps it had more impacts than are followed, None where
+    none are; `hit` the first impact of the present step, in the order of `HIT`, empty where no
     emitter reacts to it."""
 
     x: Any
@@ -72,6 +73,7 @@ class Columns(NamedTuple):
     further: tuple[Any, ...] = ()
     spin: Any = None
     missed: Any = None
+    exhausted: Any = None
     hit: tuple[Any, ...] = ()
 
 
@@ -281,6 +283,7 @@ def in_step(c: Any, begin: Any, end: Any) -> Any:
         c.further,
         c.spin,
         c.missed,
+        c.exhausted,
         c.hit,
     )
 
@@ -317,6 +320,12 @@ def note(clock: Any, i: Any, outcome: Any, t: Any) -> None:
     clock.start[i] = np.inf if outcome == STICK else clock.start[i]
     clock.stop[i] = t if outcome >= KILL else clock.stop[i]
     clock.outcome[i] = max(clock.outcome[i], outcome)
+
+
+def tire(c: Any, i: Any, exhausted: Any) -> None:
+    """Count a step in which particle i had more impacts than are followed."""
+    if c.exhausted is not None:
+        c.exhausted[i] += exhausted
 
 
 def still(clock: Any, h: Any) -> Any:

@@ -15,7 +15,17 @@ from numpy.typing import NDArray
 
 from particlesim.engine.state.columns import Clock, Columns, Spin, Thermal
 from particlesim.engine.state.prescribed import Driven, drive_to
-from particlesim.engine.state.table import CLOCK, HEARD, HIT, ROTATION, SPIN, TABLE, WATCHED, column_of
+from particlesim.engine.state.table import (
+    CLOCK,
+    HEARD,
+    HIT,
+    ROTATION,
+    SPIN,
+    TABLE,
+    TRACED,
+    WATCHED,
+    column_of,
+)
 from particlesim.groups.group import Cooling
 from particlesim.laws.registry import ABSORB, KILL, LEAVE, STICK, Particle
 from particlesim.model.attributes import FURTHER
@@ -56,6 +66,7 @@ class GroupState:
     outcome: NDArray[np.int8]
     cause: NDArray[np.uint8]
     missed: NDArray[np.int64]
+    exhausted: NDArray[np.int32]
     hit: NDArray[np.float64]
     heat: NDArray[np.float64]
     angular_velocity: NDArray[Any]
@@ -80,7 +91,7 @@ class GroupState:
         self.count = 0
         self.driven: tuple[Driven, ...] = ()
         self.axes = UNTURNED
-        self.missed_by_dead = 0
+        self.missed_by_dead, self.exhausted_by_dead = 0, 0
         self._allocate(capacity, memory)
 
     def _allocate(self, capacity: int, memory: int) -> None:
@@ -191,6 +202,7 @@ class GroupState:
             tuple(self.attribute(each.name) if each.name in read & self.parts else None for each in FURTHER),
             Spin(*self.angular_velocity[:, :n], *self.turned[:, :n]) if SPIN in self.parts else None,
             self.missed[:n] if WATCHED in self.parts else None,
+            self.exhausted[:n] if TRACED in self.parts else None,
             tuple(self.hit[:, :n]) if HEARD in self.parts else (),
         )
 
@@ -260,6 +272,7 @@ class GroupState:
         place = np.cumsum(keep) - 1
         self.driven = tuple(each._replace(rows=place[each.rows]) for each in self.driven)
         self.missed_by_dead += int(self.missed[:n][dead].sum()) if WATCHED in self.parts else 0
+        self.exhausted_by_dead += int(self.exhausted[:n][dead].sum()) if TRACED in self.parts else 0
         for column in self.arrays():
             if column.size:
                 column[: int(keep.sum())] = column[:n][keep]
@@ -282,6 +295,10 @@ class GroupState:
     def missed_crossings(self) -> int:
         """How often particles have passed a collider that looks at the end of steps alone, the dead among them."""
         return self.missed_by_dead + int(self.missed[: self.count].sum())
+
+    def exhausted_steps(self) -> int:
+        """In how many of their steps particles had more impacts than are followed, the dead among them."""
+        return self.exhausted_by_dead + int(self.exhausted[: self.count].sum())
 
     def stuck(self) -> NDArray[np.bool_]:
         """Which particles stay where they touched, shape [n]."""

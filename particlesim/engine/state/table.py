@@ -54,6 +54,9 @@ CLOCK = "clock"
 WATCHED = "watched"
 """Part of groups that may pass a collider unseen."""
 
+TRACED = "traced"
+"""Part of groups whose particles are followed from impact to impact within a step."""
+
 HEARD = "heard"
 """Part of groups to whose impacts an emitter reacts."""
 
@@ -74,6 +77,7 @@ TABLE: tuple[Column, ...] = (
     Column("outcome", "", ("clock",), dtype=np.int8, changes=True, part=CLOCK),
     Column("cause", "", dtype=np.uint8, part=CLOCK),
     Column("missed", "", ("missed",), dtype=np.int64, changes=True, part=WATCHED),
+    Column("exhausted", "", ("exhausted",), dtype=np.int32, changes=True, part=TRACED),
     Column("hit", "", ("hit",), rows=len(HIT), dtype=np.float64, changes=True, part=HEARD),
     Column("turn", "", rows=4, dtype=np.float64, changes=True, part=ROTATION),
     Column("spin", "kg m²/s", rows=3, dtype=np.float64, changes=True, part=ROTATION),

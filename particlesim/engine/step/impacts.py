@@ -52,8 +52,8 @@ from particlesim.engine.step.resting import stays
 from particlesim.laws.registry import PASS, moved_to
 
 MAX_IMPACTS = 1024
-"""Impacts followed within one step; a particle with more finishes the step without rebound. Only a bound on the work:
-a fast particle in a narrow place may have hundreds, and bounces that die out (Zeno) end by `MAX_STALLS`."""
+"""Impacts followed within one step; a particle with more is counted, and finishes the step without rebound. A bound on the
+work: a fast particle in a narrow place may have hundreds, and bounces that die out (Zeno) end by `MAX_STALLS`."""
 MAX_STALLS = 2
 """Impacts in a row that take no time, or lie no further apart than rounding, before a particle counts as resting."""
 SAME = 1 - 1e-6
@@ -322,21 +322,22 @@ def _lying(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
 
 @outlined
 def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
-    """One step of one particle from impact to impact: the particle, the method's memory, the outcome, and the first impact
-    to which an emitter reacts (None where none would).
+    """One step of one particle from impact to impact: the particle, the method's memory, the outcome, the first impact
+    to which an emitter reacts (None where none would), and whether it had more impacts than are followed.
 
     The particle's time is where its step ended: before t + h when it stuck or died.
     """
     if isinstance(contacts, Simple):
-        return p, memory, PASS, None
+        return p, memory, PASS, None, False
     if not coarse(contacts.tolerance):
         return _trace(method, dynamics, forces, contacts, p, h, memory)
     # Impacts are between the places that single precision knows: rounded to one of them, each would gain or lose energy.
     fine = type(p)(*(each if each is None else np.float64(each) for each in p))
     known = tuple(np.float64(each) for each in memory)
-    q, after, outcome, hit = _trace(method, dynamics, forces, contacts, fine, np.float64(h), known)
+    q, after, outcome, hit, exhausted = _trace(method, dynamics, forces, contacts, fine, np.float64(h), known)
     x, y, z, vx, vy, vz = (type_of(p.x, each) for each in q[:6])
-    return moved_to(p, x, y, z, vx, vy, vz, q.t), tuple(type_of(p.x, each) for each in after), outcome, hit
+    coarsened = tuple(type_of(p.x, each) for each in after)
+    return moved_to(p, x, y, z, vx, vy, vz, q.t), coarsened, outcome, hit, exhausted
 
 
 @outlined
@@ -347,13 +348,15 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
     hit = silence(contacts.continuous + contacts.discrete, p)
     outcome = PASS
     legal = p
+    exhausted = False
     if len(contacts.continuous) > 0:
         impacts = 0
         stalls = 0
         early = False
         calm = CALM
         p, outcome = _separate(contacts.continuous, p, p, contacts)
-        if nearest(contacts.continuous, p) < -rounding(contacts, p):
+        cramped = nearest(contacts.continuous, p) < -rounding(contacts, p)
+        if cramped:
             impacts = MAX_IMPACTS  # it finds no room, and would bounce as often as it may
         legal = p
         while outcome == PASS:
@@ -383,7 +386,9 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
             how, exact = calm if any(on) else LIVELY, True
             if late < length:
                 q, exact = _reached(method, dynamics, forces, contacts, p, late, place, memory, how)
-            if impacts == MAX_IMPACTS or (stalls == MAX_STALLS and calm == SURE):
+            rests = stalls == MAX_STALLS and calm == SURE
+            if impacts == MAX_IMPACTS or rests:
+                exhausted = not (cramped or rests)
                 p, outcome = _separate(contacts.resting, q, p, contacts)
                 memory = restart(memory)
                 early = outcome == PASS
@@ -427,4 +432,4 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
         # Out of one collider must not mean into another, and only the beginning of the step is legal for all.
         p, outcome = _separate(contacts.discrete + contacts.continuous, p, legal, contacts)
         memory = restart(memory)
-    return p, memory, outcome, hit
+    return p, memory, outcome, hit, exhausted

@@ -135,6 +135,12 @@ def may_miss(colliders: Sequence[Collider], group: Group) -> bool:
     ) and not isinstance(group, Bodies)
 
 
+def may_exhaust(colliders: Sequence[Collider], group: Group) -> bool:
+    """Whether particles of a group are followed from impact to impact within a step."""
+    inert = group.dynamics.type != "second_order" or isinstance(group, Bodies)
+    return any(each.detection == "continuous" for each in colliders) and not inert
+
+
 def needs_clock(group: Group, colliders: Sequence[Collider], led: bool) -> bool:
     """Whether particles of a group may be born, die, stick or be pinned; those that a motion leads are pinned."""
     pinned = isinstance(group, Particles) and (led or group.has_pins())
