@@ -49,9 +49,9 @@ from particlesim.engine.rigid.kernel import (
     velocities_of,
 )
 from particlesim.engine.rigid.loads import Loads
+from particlesim.engine.rigid.memory import address
 from particlesim.engine.rigid.rods import held_rows, rod_lines, seats_of
 from particlesim.engine.rigid.room import no_room
-from particlesim.engine.rigid.solver import address
 from particlesim.engine.rigid.spring_layout import body_springs, lines
 from particlesim.engine.rigid.springs import stored
 from particlesim.engine.rigid.stiffness import longest_step

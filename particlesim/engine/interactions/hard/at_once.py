@@ -1,4 +1,4 @@
-"""Impulses of hard contacts at rest, found all at once, where turns from pair to pair would take too long.
+"""Impulses of hard contacts, found all at once, where turns from pair to pair would take too long.
 
 A turn through all pairs carries a push one pair further, and back: a column of n grains needs some n² turns. Without
 rebound the velocities after all impulses λ ≥ 0 along the normals are those of least energy (Moreau; Gauss's principle),
@@ -12,7 +12,8 @@ wall: so whatever is left after the last one, no energy has come, and momentum i
 
 It is done for clusters with few pairs that stand on something, such as columns, where impulses are determined and as many
 iterations as there are pairs in a row find them. Those with many, such as heaps, would take hundreds, and are left as turns
-leave them.
+leave them. In a cluster in which something has rebounded, what turns have given is kept, as rebounds would be taken back
+else, and λ ≥ 0 is only what is missing until nothing approaches, as in an impact without rebound.
 
 Source: Z. Dostál, J. Schöberl, Comput. Optim. Appl. 30, 23 (2005), algorithm MPRGP with Γ = 1; J. J. Moreau, Unilateral
 contact and dry friction in finite freedom dynamics (1988).
