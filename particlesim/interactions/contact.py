@@ -62,6 +62,8 @@ NEEDED = {"linear": ("stiffness", '"1000 N/m"'), "hertz": ("young_modulus", '"10
 
 STRETCHED = 0.2
 """Part of its radius by which a grain may stretch before it separates from another, for warnings about JKR."""
+AT_REST = 0.01
+"""Gap between two hard grains that may lie on each other, at most, as a part of the sum of their radii."""
 
 
 class Contact(Rubbing, PairInteraction):
@@ -239,8 +241,10 @@ class Contact(Rubbing, PairInteraction):
         return self.model == "impulse" or self.rubs or self.adhesion == "jkr"
 
     def beyond(self, radius: float) -> float:
-        """How far the surfaces of two particles of at most a radius may be apart and still hold on to each other [m]; a
-        collider counts as a sphere without end."""
+        """How far the surfaces of two particles of at most a radius may be apart and still hold on to each other, or lie on
+        each other if they are hard [m]; a collider counts as a sphere without end."""
+        if not self.soft:
+            return AT_REST * 2 * radius
         if self.adhesion != "jkr":
             return 0.0
         return float(stretch(JkrRecord(*self.record()), radius))

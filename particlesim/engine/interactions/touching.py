@@ -50,34 +50,38 @@ class _Unlisted(NamedTuple):
     entries: Any
     sink: Any
     t: Any
+    wide: Any
 
     def take(self, near: Any, g: Any, found: Any, number: Any, image: Any) -> None:
         """Look at the candidates in some groups."""
         count = sieve(near, g, found, number, image, self.entries, 0)
-        _look(self.each, g, self.entries, 0, count, self.sink, self.t)
+        _look(self.each, g, self.entries, 0, count, self.sink, self.t, self.wide)
 
 
-def touching(each: Any, g: Any, sink: Any, t: Any) -> None:
-    """Give a sink all pairs of a member of group g that touch: `take(sink, each, row, other, pair)`."""
+def touching(each: Any, g: Any, sink: Any, t: Any, wide: Any = None) -> None:
+    """Give a sink all pairs of a member of group g that touch: `take(sink, each, row, other, pair)`; those that would if
+    their radii were `wide` times as large, unless that is None."""
     near = each.near
     if near.count[g] == NO_ROOM:
         entries = on_stack(1, GROUP * BATCH, np.uint32)[0]
-        search(near, g, _Unlisted(each, entries, sink, t))
+        search(near, g, _Unlisted(each, entries, sink, t, wide))
     else:
         first = near.begin[g]
-        _look(each, g, near.candidates, first, first + near.count[g], sink, t)
+        _look(each, g, near.candidates, first, first + near.count[g], sink, t, wide)
 
 
 @outlined
-def _look(each: Any, g: Any, entries: Any, first: Any, last: Any, sink: Any, t: Any) -> None:
+def _look(each: Any, g: Any, entries: Any, first: Any, last: Any, sink: Any, t: Any, wide: Any) -> None:
     near = each.near
     if near.box is None or first == last or entries[last - 1] >> IMAGE_SHIFT == 0:  # images come last
-        _look_at(each, g, entries, first, last, sink, t, False)
+        _look_at(each, g, entries, first, last, sink, t, wide, False)
     else:
-        _look_at(each, g, entries, first, last, sink, t, True)
+        _look_at(each, g, entries, first, last, sink, t, wide, True)
 
 
-def _look_at(each: Any, g: Any, entries: Any, first: Any, last: Any, sink: Any, t: Any, shifted: Any) -> None:
+def _look_at(
+    each: Any, g: Any, entries: Any, first: Any, last: Any, sink: Any, t: Any, wide: Any, shifted: Any
+) -> None:
     near, block, depth = each.near, members_of(each, g), on_stack(1, GROUP, each.near.x.dtype)[0]
     rows, x, y, z, r = near.order[GROUP * g : GROUP * g + GROUP], block.x, block.y, block.z, block.r
     for j in range(first, last):
@@ -86,6 +90,7 @@ def _look_at(each: Any, g: Any, entries: Any, first: Any, last: Any, sink: Any, 
         deepest = type_of(other.x, 0)
         for i in lanes(GROUP):
             dx, dy, dz, reach = x[i] - other.x, y[i] - other.y, z[i] - other.z, r[i] + other.r
+            reach = reach if wide is None else type_of(reach, wide) * reach
             there = (rows[i] != row) & (x[i] < FAR) & (other.x < FAR)
             depth[i] = reach * reach - (dx * dx + dy * dy + dz * dz) if there else type_of(dx, 0)
         for i in lanes(GROUP):

@@ -47,9 +47,10 @@ PARENT, PARTICLES, TOUCHES, STANDS, APPROACHES, LIVELY = range(6)
 are, and whether something holds it that nothing moves, something in it still approaches, and something has rebounded."""
 
 
-LEAST, PARTING, ALONG = 3, 4, 5
+LEAST, PARTING, ALONG, PARTS = 3, 4, 5, 7
 """Rows of `normal` and `wall_normal` after the normal that are read here: less than 0 of what does not lie on its wall; more
-than 0 of what has rebounded; how fast the wall moves along the normal [m/s]."""
+than 0 of what has rebounded; of walls, how fast they move along the normal [m/s]; of pairs, how a change of their velocity
+is divided between the two [2], both 0 of those that get none."""
 
 
 class Desk(NamedTuple):
@@ -136,10 +137,13 @@ def see(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> None:
     cluster = bench.desk.cluster
     for k in range(pairs):
         i, j = bench.rows[0, k], bench.rows[1, k]
-        at = root(cluster, i if a[i] > 0 else j)
+        at, acts = (
+            root(cluster, i if a[i] > 0 else j),
+            bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0,
+        )
         n = (bench.normal[0, k], bench.normal[1, k], bench.normal[2, k])
         rate = (c.vx[i] - c.vx[j]) * n[0] + (c.vy[i] - c.vy[j]) * n[1] + (c.vz[i] - c.vz[j]) * n[2]
-        if (-rate > calm) & (a[i] + a[j] > 0):
+        if (-rate > calm) & acts:
             cluster[APPROACHES, at] = 1
         if bench.normal[PARTING, k] > 0:
             cluster[LIVELY, at] = 1
@@ -164,7 +168,8 @@ def choose(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> Cho
         both = float(a[i]) + float(a[j])
         s[0, i] = s[0, j] = 0.0
         row[FOUND, k] = 0.0
-        if both > 0 and wanted(cluster, i if a[i] > 0 else j):
+        acts = bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0
+        if acts and wanted(cluster, i if a[i] > 0 else j):
             of[NUMBER, m], of[FIRST, m], of[SECOND, m], row[SCALE, m] = k, i, j, 1.0 / np.sqrt(both)
             row[X, m], row[Y, m], row[Z, m] = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
             row[LEFT, m] = left_as_it_is(row, cluster, i if a[i] > 0 else j, k)

@@ -7,16 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.engine.interactions.hard.at_once import Desk, new_desk
+from particlesim.interactions.contact import AT_REST
 
 COUNT, WANTED, WALLS_WANTED = range(3)
 """In `report`: how many pairs there are; since there was last more room, for how many pairs there should have been room, and
 for how many particles at colliders."""
 PAIRED, THROWN = 1, 2
 """In `mark`: that a particle is in a pair, and that a collider has thrown it back in the step."""
-ARM, KEPT, PARTS, SHARE, SPINS, LATER = 5, 6, 7, 9, 10, 12
+ARM, KEPT, SHARE, SPINS, LATER = 5, 6, 9, 10, 12
 """Rows of `normal` after the normal, LEAST, the least speed of an impact that rebounds, and PARTING, the one with which
 impacts of the step have done so [m/s]: distance over sum of radii; the overlap down to which the two are moved apart [m]; of
-a change of their relative velocity, the part of each of the two [2], which part of sliding it has to be to end that, and by
+a change of their relative velocity, after PARTS [2], which part of sliding it has to be to end that, and by
 how much it turns each of them [2] [1/m]; what forces add to their approach after an impact in the step [m/s]."""
 OWN, RUBS, ABOVE = 6, 9, 10
 """Rows of `wall_normal` after the normal, LEAST, PARTING and ALONG: the velocity of the surface [m/s], the coefficient
@@ -31,6 +32,9 @@ of what nothing moves, what impulses have added, and the sum of m |Δv|² + I |�
 in the step, over what they have changed its velocity by times the step."""
 REST = 2.0
 """Steps in which forces bring about an approach that counts as rest."""
+NEAR, WIDE = 3.0, 1 + AT_REST
+"""Gap below which what does not touch is looked at, too, as it may rest there, in units of what forces move in a step; and
+the sum of both radii with it, at most, as a part of that sum."""
 NEAR_WALL = 0.1
 """Gap to a collider, as a part of the radius, below which a particle is watched; impulses move none further in a step."""
 

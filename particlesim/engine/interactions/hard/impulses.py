@@ -42,7 +42,7 @@ from particlesim.engine.interactions.hard.apart import (
     shift_pairs,
 )
 from particlesim.engine.interactions.hard.at_once import GIVEN, NUMBER, choose, find, rates
-from particlesim.engine.interactions.hard.bench import COUNT, WANTED, Bench, new_bench
+from particlesim.engine.interactions.hard.bench import COUNT, NEAR, WANTED, WIDE, Bench, new_bench
 from particlesim.engine.interactions.hard.memory import (
     Known,
     known_by,
@@ -184,14 +184,18 @@ class Impulses(NearLists, ImpulseColumns):
 
 
 class Listed(NamedTuple):
-    """Pairs that touch go to a list, each once."""
+    """Pairs that touch, or may lie on each other, go to a list, each once; h: the step [s]."""
 
     bench: Any
     report: Any
+    h: Any
 
     def take(self, each: Any, row: Any, other: Any, i: Any, p: Any) -> None:
         """Append a pair once, whatever the rows are by which the two are known at present, with the smaller one first."""
-        if each.near.place[row] < each.near.place[other]:
+        change = self.bench.change
+        margin = type_of(p.x, NEAR * self.h) * max(change[row], change[other])
+        gap = np.sqrt(p.x * p.x + p.y * p.y + p.z * p.z) - p.r1 - p.r2
+        if (each.near.place[row] < each.near.place[other]) & (gap < margin):
             k, sign = self.report[COUNT], type_of(p.x, 1 if row < other else -1)
             if k < self.bench.rows.shape[1]:
                 self.bench.rows[0, k], self.bench.rows[1, k] = min(row, other), max(row, other)
@@ -202,18 +206,31 @@ class Listed(NamedTuple):
 
 
 @outlined
-def list_touching(each: Any, t: Any) -> None:
-    """List all pairs that touch, in the order of the lists."""
+def list_touching(each: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+    """List all pairs that touch, and those so near to each other that they may be at rest, in the order of the lists.
+
+    What lies on something is carried, with what it lies on, by rounding and by what turns have not found: without those that
+    do not touch at this moment, others would fall into them.
+    """
     each.report[COUNT] = 0
+    note_changes(each, c, before)
     for g in range(each.near.begin.size):
-        touching(each, g, Listed(each.bench, each.report), t)
+        touching(each, g, Listed(each.bench, each.report, h), t, WIDE)
     each.report[WANTED] = max(each.report[WANTED], each.report[COUNT])
     each.report[COUNT] = min(each.report[COUNT], each.bench.rows.shape[1])
 
 
+def note_changes(each: Any, c: Any, before: Any) -> None:
+    """By how much velocities have changed in the step, 0 where contacts are elastic: there nothing rests."""
+    change = each.bench.change
+    for i in range(change.size):
+        x, y, z = c.vx[i] - before[3, i], c.vy[i] - before[4, i], c.vz[i] - before[5, i]
+        change[i] = np.sqrt(x * x + y * y + z * z) if each.law.restitution < 1 else x - x
+
+
 def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """Impulses and displacements of all pairs that touch."""
-    list_touching(each, t)
+    list_touching(each, c, before, t, h)
     mark_pairs(each)
     walls = watch_walls(each, parts, c, before, t, h)
     if each.report[COUNT] > 0:

@@ -13,6 +13,7 @@ from particlesim.engine.interactions.hard.at_once import (
     GIVEN,
     LEAST,
     PARTING,
+    PARTS,
     STANDS,
     join,
     root,
@@ -27,7 +28,6 @@ from particlesim.engine.interactions.hard.bench import (
     LIMIT,
     NEAR_WALL,
     PAIRED,
-    PARTS,
     REST,
     SHARE,
     SPINS,
@@ -49,6 +49,8 @@ MIDDLE = 0.5
 NOISE, OTHER = 1e-6, 0.1
 """Ways in a step, as parts of how far from the origin they are, that say nothing; by how much the one of a particle that has
 hit something differs from that of a method, as a part of it."""
+ANY = 1e30
+"""Least speed of a rebound of what does not touch [m/s]."""
 GENTLY = 0.02
 """The part of the smaller radius by which a step makes an overlap smaller at most."""
 
@@ -126,6 +128,10 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         least = rest * (max(abs(mine), abs(other)) if stands else abs(mine - other))
         if stands & (-now <= least):
             least = rest * change[at]
+        if ends > c.r[i] + c.r[j]:  # which rests, or will hit in the next step
+            if -now > least:
+                bench.normal[PARTS, k] = bench.normal[PARTS + 1, k] = 0
+            least = type_of(most, ANY)
         bench.normal[LEAST, k], bench.normal[PARTING, k] = least, 0
         bench.normal[LATER, k] = type_of(least, -later)
         most, fastest = max(most, abs(mine - other)), max(fastest, -now)
