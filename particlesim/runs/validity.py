@@ -11,6 +11,7 @@ import numpy as np
 from particlesim.colliders import Collider
 from particlesim.colliders.content import files_in
 from particlesim.engine.diagnosis.crowding import crowded, crowded_births
+from particlesim.engine.diagnosis.haste import Haste, haste
 from particlesim.engine.diagnosis.overlaps import no_room, overlaps
 from particlesim.engine.islands.base import Intrusion
 from particlesim.engine.simulation import Simulation
@@ -86,6 +87,7 @@ def doubtful(world: World) -> tuple[str, ...]:
         *embedded(world),
         *squeezed(world),
         *(_coarse_told(label, *each, "at the start") for label, each in coarse(world).items()),
+        *(_haste_told(label, each, "at the start") for label, each in haste(world).items()),
         *stiff(world),
         *knotted(world),
         *chords(world),
@@ -252,6 +254,13 @@ def _coarse_told(label: str, step: float, length: float, precision: str, when: s
     )
 
 
+def _haste_told(label: str, each: Haste, when: str) -> str:
+    return (
+        f"{label}: {when} particles move by up to {each.way:.3g} m in a step past others, which is more than their radii "
+        f"together, {each.size:.3g} m: they may pass through each other; dt = {each.step:.2g} s lets them touch"
+    )
+
+
 def _pairs(number: int) -> str:
     return f"{number:,} pair{'s' if number > 1 else ''} of particles"
 
@@ -361,6 +370,7 @@ class Watch:
         self._largest: dict[str, tuple[float, float]] = {}
         self._overflowed: dict[str, float] = {}
         self._coarse: dict[str, tuple[float, float, str, float]] = {}
+        self._hasty: dict[str, tuple[Haste, float]] = {}
         laws: Iterator[tuple[str, Any]] = zip(scenario.labels.forces, scenario.forces, strict=True)
         self._laws = [(label, force) for label, force in laws if force.limited()]
 
@@ -368,6 +378,8 @@ class Watch:
         """Look at the fastest particles of the present state, and at the farthest."""
         for label, each in coarse(world).items():
             self._coarse.setdefault(label, (*each, world.time))
+        for label, found in haste(world).items():
+            self._hasty.setdefault(label, (found, world.time))
         for label, force in self._laws:
             for group, state in zip(world.scenario.groups, world.states, strict=True):
                 if not acts_on(force, group) or not state.count:
@@ -384,7 +396,12 @@ class Watch:
 
     def state(self) -> dict[str, dict[str, Any]]:
         """What it has seen so far, as plain data."""
-        return {"reynolds": self._largest, "overflowed": self._overflowed, "coarse": self._coarse}
+        return {
+            "reynolds": self._largest,
+            "overflowed": self._overflowed,
+            "coarse": self._coarse,
+            "hasty": self._hasty,
+        }
 
     def restore(self, state: Mapping[str, Mapping[str, Any]]) -> None:
         """Go on from a `state`."""
@@ -394,6 +411,8 @@ class Watch:
             label: (step, length, precision, time)
             for label, (step, length, precision, time) in state.get("coarse", {}).items()
         }
+
+        self._hasty = {label: (Haste(*each), time) for label, (each, time) in state.get("hasty", {}).items()}
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -408,9 +427,15 @@ class Watch:
             for label, (step, length, precision, time) in self._coarse.items()
             if time > 0
         )
+        passed = tuple(
+            _haste_told(label, each, f"from t = {time:.6g} s on")
+            for label, (each, time) in self._hasty.items()
+            if time > 0
+        )
         return (
             stored
             + rounded
+            + passed
             + tuple(
                 f"{label}: {laws[label].beyond(excess, time)}"
                 for label, (excess, time) in self._largest.items()

@@ -1,0 +1,49 @@
+"""Grains that are so fast that they may pass through each other within a step are told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from simulate import points, simulate
+
+R, DT = 0.005, 1e-3
+
+
+def shot(speed: float, **law: Any) -> tuple[bool, list[str]]:
+    """Two grains shot at each other: whether they have rebounded, and what the run tells of it."""
+    grains = points((-0.1, 0, 0), (0.15, 0, 0), velocity=((speed, 0, 0), (-speed, 0, 0)), radius=R)
+    found = simulate(0.3 / speed, DT, particles=[grains], interactions=[{"type": "contact", **law}])
+    return found.final.velocity[0, 0] < 0, [
+        text for text in found.warnings if "pass through each other" in text
+    ]
+
+
+@pytest.mark.parametrize(
+    "law", [{"restitution": 1}, {"model": "linear", "stiffness": 1e4}], ids=["hard", "soft"]
+)
+def test_grains_that_pass_through_each_other_are_told(law: dict[str, Any]) -> None:
+    rebounds, told = shot(50.0, **law)
+    assert not rebounds
+    assert len(told) == 1
+    assert "0.05 m in a step" in told[0]
+    assert "dt = 0.0001 s" in told[0]
+
+
+def test_slow_ones_are_not() -> None:
+    assert shot(2.0, restitution=1) == (True, [])
+
+
+def test_what_moves_together_is_not_told() -> None:
+    grains = points((0, 0, 0), (0.1, 0, 0), velocity=((50.0, 0, 0), (51.0, 0, 0)), radius=R)
+    found = simulate(0.01, DT, particles=[grains], interactions=[{"type": "contact"}])
+    assert not any("pass through" in text for text in found.warnings)
+
+
+def test_those_that_become_fast_are_told_at_the_end() -> None:
+    start = points((-0.5, 0, 0), (0.5, 0.02, 0), radius=R)
+    pull = {"type": "point_spring", "stiffness": 1.6e5}
+    found = simulate(0.02, DT / 10, particles=[start], forces=[pull], interactions=[{"type": "contact"}])
+    told = [text for text in found.warnings if "pass through" in text]
+    assert len(told) == 1
+    assert "from t = 0.0" in told[0]
