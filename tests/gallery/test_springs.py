@@ -15,17 +15,13 @@ from particlesim.layouts.hair import Hair
 from .test_scenarios import G, run, shipped
 
 
-@pytest.mark.parametrize(
-    ("name", "changes"),
-    [
-        *(("rope", {}), ("pendulum_chain", {}), ("jelly_drop", {})),
-        ("trampoline", {"duration": 2.0}),  # the ball has been down at 0.7 s, and is thrown up
-        ("hanging_cloth", {"duration": 4.0}),  # its corners are where they will be at 3 s
-    ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
-def test_the_checks_of_a_scenario_hold(name: str, changes: dict[str, float]) -> None:
-    result = run(name, **changes)
+SHORTER = {"trampoline": {"duration": 2.0}, "hanging_cloth": {"duration": 4.0}}
+"""The ball has been down in the mat and is thrown up again; the corners of the cloth are where they stay from 3 s on."""
+
+
+@pytest.mark.parametrize("name", ["rope", "pendulum_chain", "jelly_drop", "trampoline", "hanging_cloth"])
+def test_the_checks_of_a_scenario_hold(name: str) -> None:
+    result = run(name, **SHORTER.get(name, {}))
     assert result.checks
     assert all(check.passed for check in result.checks)
 
