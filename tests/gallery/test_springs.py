@@ -14,7 +14,6 @@ from particlesim.layouts.hair import Hair
 
 from .test_scenarios import G, run, shipped
 
-
 SHORTER = {"trampoline": {"duration": 2.0}, "hanging_cloth": {"duration": 4.0}}
 """The ball has been down in the mat and is thrown up again; the corners of the cloth are where they stay from 3 s on."""
 
