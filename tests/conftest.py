@@ -52,6 +52,17 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(100_000, 20, 20)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _one_thread_unless_a_test_says_more(pytestconfig: pytest.Config) -> Iterator[None]:
+    """Workers of pytest have all cores busy: threads that meet after each part of a step wait for a core, which takes twice
+    the processor time of one thread, and longer. Tests of threads say how many; with --slow all cores are taken, as by
+    users."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not pytestconfig.getoption("--slow"):
+            patch.setattr("particlesim.process.threads.available_cores", lambda: 1)
+        yield
+
+
 OPTIMISED = {"compiler", "determinism", "gallery", "render", "resume", "same", "sweep"}
 """Folders of tests that need the kernels that users run: bits, scenarios, the compiler itself."""
 

@@ -117,7 +117,7 @@ def step(a: float, b: float) -> float:
     return total + b
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(programs(), st.floats(-3, 3), st.floats(-3, 3), st.integers(0, 3))
 def test_programs_mean_the_same_compiled_and_not(text: str, x: float, y: float, n: int) -> None:
     # Numbers that Python keeps as integers are floats where a variable also holds floats: equal, and equally rounded as

@@ -72,7 +72,7 @@ def test_a_scenario_survives_dump_and_load(name: str) -> None:
 
 
 FEWER = {
-    "galaxies": {"near_stars": 2_000, "near_halo": 1_500, "far_stars": 2_000, "far_halo": 1_500},
+    "galaxies": {"near_stars": 1_500, "near_halo": 1_200, "far_stars": 1_500, "far_halo": 1_200},
     "cold_collapse": {"bodies": 6_000},
 }
 """Still enough for trees on several threads: all of the bodies take seconds."""
@@ -95,7 +95,7 @@ def test_a_scenario_has_the_same_bits_for_any_number_of_threads(
 ) -> None:
     monkeypatch.setattr("particlesim.engine.islands.independent.WORTH_THREADS", 1)
     grid = shipped(name).grid
-    few = {"simulation.duration": 3 * grid.every * grid.dt, "checks": []}  # some look at later times
+    few = {"simulation.duration": 2 * grid.every * grid.dt, "checks": []}  # some look at later times
     few |= {f"particles.{group}.layout.count": count for group, count in FEWER.get(name, {}).items()}
     few = ps.load(FOLDER / f"{name}.toml", few)
     one, two = ps.run(few, threads=1), ps.run(few, threads=2)
@@ -181,8 +181,8 @@ def test_beads_sink_with_their_terminal_velocity() -> None:
 
 
 def test_balls_float_as_deep_as_they_are_heavy() -> None:
-    # h² (3 r − h) = 4 r³ ρ/ρ_f. The slowest motion (ice, 13 kg) fades as e^(−0.9 t): nothing is left after 60 s.
-    result = run("buoyant_ball", duration=60.0)
+    # h² (3 r − h) = 4 r³ ρ/ρ_f. The slowest motion (ice, 13 kg) fades as e^(−0.9 t): nothing is left after 30 s.
+    result = run("buoyant_ball", duration=30.0)
     balls = [g for g in result.scenario.particles if g.name != "water"]
     for group in balls:
         s, r = float(group.density or 0) / 997, 0.15

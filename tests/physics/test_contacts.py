@@ -98,9 +98,9 @@ def test_the_books_of_a_contact_balance_in_its_middle_too(law: dict[str, Any]) -
     assert stored.max() == pytest.approx(start / 2, rel=1e-3)
     assert kept["kinetic"] + stored == pytest.approx(np.full(len(stored), start), rel=1e-3)
     # cohesion is in the potential alone
-    lossy = {**law, "restitution": 0.5, "friction": 0.4, "cohesion": 2.0}
+    lossy = {**law, "restitution": 0.5, "friction": 0.4, "cohesion": 2.0}  # apart after 0.01 s
     output = {"every": 5, "ledger": True, "work": True}
-    books = meeting(lossy, 1e-5, duration=0.02, beside=0.8 * R, output=output).ledger
+    books = meeting(lossy, 1e-5, duration=0.012, beside=0.8 * R, output=output).ledger
     lost = -books["work.contact"][-1]
     assert lost > 0.1 * start
     assert (
@@ -149,7 +149,7 @@ def test_what_snaps_apart_has_lost_energy_or_sticks() -> None:
     least = (math.pi * W * r * r / (8 * e_star)) ** (1 / 3)
     lost = math.pi * W * least**2 / 6 * (2.4 + 3.6 * 4 ** (4 / 3))
     output = {"every": 40, "ledger": True, "work": True}
-    result = meeting(JKR, 5e-6, speed=0.3, duration=0.02, output=output)
+    result = meeting(JKR, 1e-5, speed=0.3, duration=0.016, output=output)
     assert rebound(result) == pytest.approx(math.sqrt(0.3**2 - 2 * lost / (M / 2)), rel=0.01)
     # both jumps of the potential are booked; they fall between steps: an error of first order
     assert result.ledger["work.contact"][-1] == pytest.approx(-lost, rel=1e-12)

@@ -121,7 +121,7 @@ def test_impacts_with_what_hangs_on_a_spring_give_no_energy(h: float) -> None:
     # to (ω h)²/6 of that of the bead (Hairer, Lubich, Wanner, IX.3), which impacts turn into others of the same size.
     k, m = 500.0, 0.1
     scenario = table(
-        4.0,
+        2.0,
         h,
         particles=[
             grains([[0, 0, 0]], [[0, 0, 0]], mass=m),
@@ -323,7 +323,7 @@ def test_a_body_that_grains_hit_between_walls_gains_nothing() -> None:
     sides = [([1, 0, 0], [-wide, 0, 0]), ([-1, 0, 0], [wide, 0, 0]), ([0, 0, 1], [0, 0, -wide])]
     sides += [([0, 0, -1], [0, 0, wide]), ([0, 1, 0], [0, 0, 0]), ([0, -1, 0], [0, 0.6, 0])]
     scenario = table(
-        3.0,
+        1.8,
         1e-3,
         particles=[grains(places, rng.normal(size=(27, 3)).tolist(), radius=0.012, mass=0.02)],
         bodies=[

@@ -77,8 +77,10 @@ OPEN: dict[str, dict[str, Any]] = {
         "center": list(CENTER),
     },
 }
-CASES = [(name, False) for name in OPEN | SOLIDS] + [
-    (name, True) for name in SOLIDS if name != "distance_grid"
+CASES = [
+    pytest.param(name, inside, marks=pytest.mark.optimised if name == "formula" else ())
+    for name, inside in [(name, False) for name in OPEN | SOLIDS]
+    + [(name, True) for name in SOLIDS if name != "distance_grid"]
 ]
 
 
@@ -142,6 +144,7 @@ def test_hops_on_what_is_large_gain_nothing(shape: str, inside: bool, method: st
     assert height.min() >= -2 * ulp
 
 
+@pytest.mark.optimised
 @pytest.mark.parametrize(("shape", "drop", "dt"), [("box", 1e-3, 1e-4), ("plane", 1e-2, 1e-3)])
 def test_ten_thousand_hops_do_not_drift_up(shape: str, drop: float, dt: float) -> None:
     """No ball is beyond the bound, and their mean is less above the start: that of 16 has a quarter of the deviation of one.

@@ -294,9 +294,11 @@ SHAPES = {
 def test_nothing_gets_through(name: str, speed: float) -> None:
     collider = SHAPES[name].model_copy(update={"restitution": 0.6})
     rng = np.random.default_rng(8)
-    x = rng.uniform(-1.6, 1.6, (500, 3))
+    # the fast ones have a thousand impacts in a step: fewer of them are enough
+    x = rng.uniform(-1.6, 1.6, (500 if speed == 1 else 80, 3))
     radius = 0.02
     x = x[gaps(collider, x, radius) > 0]
+    assert len(x) > 4
     v = rng.normal(size=x.shape) * speed
     c = columns(x, v, radius=radius)
     contacts = careful(continuous=[collider.record()], tolerance=16 * EPS, reach=collider.reach())

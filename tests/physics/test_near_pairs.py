@@ -340,7 +340,7 @@ def test_births_deaths_and_pins_are_those_of_direct_sums() -> None:
     found, threads = [], set()
     for method, count in (("direct", 1), ("neighbours", 1), ("neighbours", 3)):
         simulation = Simulation(spray(method), threads=count)
-        simulation.advance_to(130)
+        simulation.advance_to(100)
         found.append(np.concatenate([np.asarray(state.position) for state in simulation.states]))
         if method == "neighbours":
             threads.add(bits(simulation))

@@ -223,6 +223,6 @@ def test_few_hundred_particles_have_the_same_bits_on_many_threads(count: int) ->
         "layout": {"type": "points", "position": rng.normal(size=(count, 3)).tolist()},
     }
     law = {"type": "gravity", "constant": 1.0, "softening": 0.1, "method": "direct"}
-    scenario = table(0.5, 0.001, particles=[group], interactions=[law])
+    scenario = table(0.1, 0.001, particles=[group], interactions=[law])
     one, three = (ps.run(ps.from_table(scenario), threads=k).final for k in (1, 3))
     assert np.array_equal(one.position, three.position)

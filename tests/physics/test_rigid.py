@@ -277,12 +277,12 @@ def test_a_stack_of_ten_boxes_rests() -> None:
     )
     floor = FLOOR | {"restitution": 0.0, "friction": 0.5}
     parts: dict[str, Any] = {"bodies": [stack], "forces": GRAVITY, "planes": [floor]}
-    world = Simulation(ps.from_table(table(13.0, 2e-3, **parts)), threads=1)
+    world = Simulation(ps.from_table(table(7.0, 2e-3, **parts)), threads=1)
     world.advance_to(1500)
     early = world.states[0].position.copy()
-    world.advance_to(6500)
+    world.advance_to(3500)
     late = world.states[0].position
-    assert np.abs(late - early).max() < 5e-9  # m, in 5000 steps
+    assert np.abs(late - early).max() < 2e-9  # m, in 2000 steps
     # Impulses are found from nothing in the first step: what is wrong with them then sets the stack in motion.
     assert np.abs(late - [[0, side * (k + 0.5), 0] for k in range(n)]).max() < 2e-6
 

@@ -294,7 +294,7 @@ def test_an_accuracy_out_of_reach_says_what_can_be_had(monkeypatch: pytest.Monke
 
 
 def test_the_first_frame_is_as_exact_as_all_others(tmp_path: Path) -> None:
-    x, accuracy = uniform(6000, np.random.default_rng(2)), 1e-3
+    x, accuracy = uniform(4500, np.random.default_rng(2)), 1e-3
     charges = {"mass": 1e9, "charge": np.random.default_rng(3).normal(size=len(x)).tolist()}
     told = scenario(x, {"type": "coulomb", "method": "tree", "accuracy": accuracy}, **charges)
     told["output"] = {"fields": ["force"], "precision": "double"}

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 SCRIPT = Path(__file__).parents[1] / "fuzz" / "fuzz_trajectories.py"
-CASES = 25
+CASES = 15
 
 
 @pytest.fixture(scope="module")
