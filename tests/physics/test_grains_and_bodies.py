@@ -323,7 +323,7 @@ def test_a_body_that_grains_hit_between_walls_gains_nothing() -> None:
     sides = [([1, 0, 0], [-wide, 0, 0]), ([-1, 0, 0], [wide, 0, 0]), ([0, 0, 1], [0, 0, -wide])]
     sides += [([0, 0, -1], [0, 0, wide]), ([0, 1, 0], [0, 0, 0]), ([0, -1, 0], [0, 0.6, 0])]
     scenario = table(
-        1.8,
+        2.4,
         1e-3,
         particles=[grains(places, rng.normal(size=(27, 3)).tolist(), radius=0.012, mass=0.02)],
         bodies=[

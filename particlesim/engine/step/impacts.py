@@ -48,6 +48,7 @@ from particlesim.engine.step.crossing import all_apart, crossing, straight, turn
 from particlesim.engine.step.hits import hear, silence
 from particlesim.engine.step.lying import borne, settled
 from particlesim.engine.step.particle_step import advance, restart
+from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
 from particlesim.engine.step.resting import stays
 from particlesim.laws.registry import PASS, moved_to
 
@@ -359,7 +360,19 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
         if cramped:
             impacts = MAX_IMPACTS  # it finds no room, and would bounce as often as it may
         legal = p
+        if may_hold(contacts.continuous):
+            q, _ = advance(method, dynamics, forces, p, h, memory)
+            push, parts = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz), no_parts(h)
         while outcome == PASS:
+            if may_hold(contacts.continuous):
+                parts = with_part(parts, contacts.continuous, p)
+                slack, zero = rounding(contacts, p), h - h
+                rubs = any(c.response.friction is not None for c in contacts.continuous)
+                holds, x, y, z = bottom(parts, p, legal, push, h, slack, rubs)
+                lain = moved_to(p, x, y, z, zero, zero, zero, end)
+                if holds and nearest(contacts.continuous, lain) >= -slack:
+                    p, memory = lain, restart(memory)
+                    break
             q, after, on, turn = _glide(method, dynamics, forces, contacts, p, left, memory, calm)
             length = left
             if turn < 1 and impacts < MAX_IMPACTS:
@@ -382,6 +395,8 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
                 left = left - length
                 impacts += 1
                 continue
+            if may_hold(contacts.continuous):
+                parts = with_part(parts, contacts.continuous, q)
             # What flies to the end has flown all the way, though it might lie for a shorter time.
             how, exact = calm if any(on) else LIVELY, True
             if late < length:
