@@ -336,3 +336,36 @@ def test_what_circles_in_a_glass_follows_its_rim(inner: str, friction: float, tm
     if friction == 0:
         assert math.atan2(x[2], x[0]) == pytest.approx(t / reach, rel=1e-4)
     assert np.diff(ended.energy).max() < 1e-12
+
+
+ROCKS = [
+    [0.787, 0.192, 0.802, 0.191, 0.082, 0.855],
+    [0.639, 0.805, 0.964, 0.151, 0.482, 0.895],
+    [0.212, 0.831, 0.063, 0.825, 0.165, 0.375],
+    [0.725, 0.654, 0.431, 0.867, 0.632, 0.810],
+    [0.129, 0.376, 0.421, 0.665, 0.456, 0.587],
+    [0.577, 0.972, 0.775, 0.791, 0.759, 0.597],
+]
+"""Heights drawn at random."""
+
+
+@pytest.mark.parametrize("duration", [0.05, 0.06, 0.08])
+def test_a_ball_in_a_pit_of_three_faces_rests(duration: float, tmp_path: Path) -> None:
+    # Faces of different slopes, of which only the nearest is known at a time. It had hopped from one to another for ever,
+    # at up to a fifth of g h, with a thousand impacts in some steps.
+    np.save(tmp_path / "rocks.npy", np.array(ROCKS))
+    rocks = {"type": "height_field", "path": str(tmp_path / "rocks.npy"), "size": [0.2, 0.2], "height": 0.1}
+    ball = points((-0.020761, 0.03788, -0.013176), radius=0.015, mass=1.0)
+    ended = ps.run(
+        ps.from_table(
+            {
+                "simulation": {"duration": duration, "dt": 1e-3},
+                "output": {"every": 5, "precision": "double"},
+                "particles": [ball],
+                "forces": [{"type": "gravity"}],
+                "colliders": [{**rocks, "restitution": 0.5, "friction": 0.0}],
+            }
+        )
+    ).final
+    assert (ended.velocity == 0).all()
+    assert ended.position[0] == pytest.approx([-0.0207593, 0.0378813, -0.0131747], abs=1e-6)
