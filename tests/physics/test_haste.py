@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from simulate import points, simulate
+from simulate import points, simulate, table
+
+import particlesim as ps
 
 R, DT = 0.005, 1e-3
 
@@ -47,3 +49,12 @@ def test_those_that_become_fast_are_told_at_the_end() -> None:
     told = [text for text in found.warnings if "pass through" in text]
     assert len(told) == 1
     assert "from t = 0.0" in told[0]
+
+
+@pytest.mark.parametrize("radius", [[0.0, 0.1], [1e-30, 1e-30]])
+def test_radii_of_any_size_are_looked_at(radius: list[float]) -> None:
+    # In single precision squares of such sizes are 0, and those of such speeds infinite.
+    pair = points((-1, 0, 0), (1, 0, 0), velocity=((1e15, 0, 0), (-1e15, 0, 0)), radius=radius)
+    scenario = table(0.001, DT, particles=[pair], interactions=[{"type": "contact"}])
+    scenario["simulation"]["precision"] = "single"
+    assert any("pass through each other" in text for text in ps.run(ps.from_table(scenario)).warnings)

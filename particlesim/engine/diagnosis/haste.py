@@ -34,14 +34,16 @@ def haste(world: World) -> dict[str, Haste]:
         if count < 2:
             continue
         mean = sum(state.v[:, : state.count].sum(axis=1, dtype=float) for state in states) / count
-        least = min(float(state.radius[: state.count].min()) for state in states)
+        # a point touches no other point, but those that have a radius
+        radii = [state.radius[: state.count] for state in states]
+        least = min(float(r[r > 0].min(initial=np.inf)) for r in radii)
         for state in states:
-            speed2 = ((state.v[:, : state.count] - mean[:, None].astype(state.dtype)) ** 2).sum(axis=0)
-            sizes = state.radius[: state.count] + state.dtype.type(least)
-            i = int(np.argmax(speed2 / sizes**2))
-            way, size = dt * float(np.sqrt(speed2[i])), float(sizes[i])
-            if way > size and (
-                each.label not in found or way / size > found[each.label].way / found[each.label].size
-            ):
+            sizes = state.radius[: state.count].astype(float) + least
+            with np.errstate(over="ignore"):  # what is infinite is told by others
+                ways = dt * np.sqrt(((state.v[:, : state.count] - mean[:, None]) ** 2).sum(axis=0))
+            i = int(np.argmax(ways / sizes))
+            way, size = float(ways[i]), float(sizes[i])
+            known = found.get(each.label)
+            if size < way < np.inf and (known is None or way / size > known.way / known.size):
                 found[each.label] = Haste(way, size, dt * size / way / 2)
     return found

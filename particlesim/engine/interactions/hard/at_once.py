@@ -137,10 +137,8 @@ def see(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> None:
     cluster = bench.desk.cluster
     for k in range(pairs):
         i, j = bench.rows[0, k], bench.rows[1, k]
-        at, acts = (
-            root(cluster, i if a[i] > 0 else j),
-            bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0,
-        )
+        at = root(cluster, i if a[i] > 0 else j)
+        acts = bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0
         n = (bench.normal[0, k], bench.normal[1, k], bench.normal[2, k])
         rate = (c.vx[i] - c.vx[j]) * n[0] + (c.vy[i] - c.vy[j]) * n[1] + (c.vz[i] - c.vz[j]) * n[2]
         if (-rate > calm) & acts:
