@@ -15,6 +15,10 @@ DEEPEST = 200
 """Calls within calls; more are a recursion without end."""
 
 
+_PARTS: dict[Any, Part] = {}
+"""Shared functions that this process has written, by function, form of the arguments, and whether indices are looked at."""
+
+
 @dataclass(frozen=True)
 class Method:
     """A method of an array, on its way to being called."""
@@ -108,19 +112,24 @@ class Calls(Names):
     def _shared(self, key: Any) -> Outline:
         """A function in a module of its own, which is the same for all units that call it.
 
-        It is named by what is in it, so that kernels find this one and no other.
+        It is named by what is in it, so that kernels find this one and no other. It is written once in a process: walks that
+        begin anew, and other kernels, take it as it is.
         """
-        unit = Unit(checked=self.unit.checked)
-        while True:
-            try:
-                made, body = self._written(key, unit)
-                break
-            except Again:
-                unit = unit.fresh()
-        text = unit.module(_definition(made, body))
-        made.name = f'@"{key[0].__name__}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"'
-        self.unit.take_in(Part(unit.module(_definition(made, body)), made, unit))
-        return made
+        known = (key, self.unit.checked)
+        part = _PARTS.get(known)
+        if part is None:
+            unit = Unit(checked=self.unit.checked)
+            while True:
+                try:
+                    made, body = self._written(key, unit)
+                    break
+                except Again:
+                    unit = unit.fresh()
+            text = unit.module(_definition(made, body))
+            made.name = f'@"{key[0].__name__}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"'
+            part = _PARTS[known] = Part(unit.module(_definition(made, body)), made, unit)
+        self.unit.take_in(part)
+        return part.outline
 
     def _written(self, key: Any, unit: Unit) -> tuple[Outline, str]:
         """A function for arguments of one form, still without a name, and the text of its body."""
