@@ -8,6 +8,7 @@ the velocity of its surface is felt, and with it the work that it does.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,6 +86,16 @@ def frame_at(c: MovingRecord, t: Any, like: Any) -> Frame:
             (k * n.x * n.z - sin * n.y, k * n.y * n.z + sin * n.x, cos + k * n.z * n.z),
         )
     return Frame(x, y, z, vx, vy, vz, rows)
+
+
+def led_to(body: Any, time: float) -> tuple[list[float], list[float]]:
+    """Where the path of a collider that moves has its pivot at a time [s], and the velocity there; NaN where it has none."""
+    try:
+        with np.errstate(all="ignore"):
+            frame = frame_at(body, np.float64(time), np.float64(0))
+        return [float(number) for number in frame[:3]], [float(number) for number in frame[3:6]]
+    except (ArithmeticError, ValueError):  # from plain numbers: 1/x of a place at x = 0
+        return [math.nan] * 3, [math.nan] * 3
 
 
 def into(rows: Any, v: Any) -> Any:

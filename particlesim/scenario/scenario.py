@@ -10,11 +10,13 @@ from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from particlesim.errors import InputOutputError, ResourceError, UsageError
 from particlesim.groups.group import Particles
+from particlesim.groups.motion import Motion
 from particlesim.layouts import Layout
 from particlesim.layouts.base import LayoutError
 from particlesim.layouts.mesh import BEND, DIHEDRAL, require_manifold
 from particlesim.layouts.surface import SurfaceFile
 from particlesim.model.mistakes import Invalid, invalid
+from particlesim.model.mistakes import Path as Place
 from particlesim.scenario.reach import acts_on, group_tables
 from particlesim.scenario.rules.checks import untimely
 from particlesim.scenario.rules.consistency import contradictions
@@ -104,21 +106,25 @@ class Scenario(Tables):
     def at_springs(self, label: str) -> AbstractContextManager[None]:
         """An error about a set of springs, by its name in the ledger, once particles have their positions: reported with its
         place in the text where that is known."""
-        return self._at("springs", self.labels.springs, label)
+        return self._at(_entry("springs", self.labels.springs, label))
 
     def at_interaction(self, label: str) -> AbstractContextManager[None]:
         """The same for an interaction between particles."""
-        return self._at("interactions", self.labels.interactions, label)
+        return self._at(_entry("interactions", self.labels.interactions, label))
+
+    def at_motion(self, motion: Motion) -> AbstractContextManager[None]:
+        """The same for a motion that leads particles."""
+        return self._at(next((("motions", k) for k, each in enumerate(self.motions) if each is motion), None))
 
     @contextmanager
-    def _at(self, section: str, labels: tuple[str, ...], label: str) -> Iterator[None]:
-        """Give mistakes the place of the entry of a section that has a label, where there is one."""
+    def _at(self, place: Place | None) -> Iterator[None]:
+        """Give mistakes a place in the text, where both are known."""
         try:
             yield
         except UsageError as error:
-            if self._source is None or label not in labels:
+            if self._source is None or place is None:
                 raise
-            mistake = Invalid(error.message, (section, labels.index(label)), hint=error.hint)
+            mistake = Invalid(error.message, place, hint=error.hint)
             from particlesim.scenario.text.diagnose import scenario_error
 
             raise scenario_error(self._source, [mistake]) from None
@@ -146,3 +152,8 @@ class Scenario(Tables):
             first = mistakes[0]
             raise invalid(first.message, at=first.at, also=first.also, allowed=first.allowed, hint=first.hint)
         return self
+
+
+def _entry(section: str, labels: tuple[str, ...], label: str) -> Place | None:
+    """The place of the entry of a section that has a label, where there is one."""
+    return (section, labels.index(label)) if label in labels else None

@@ -220,8 +220,15 @@ def test_a_path_of_a_collider_that_ends_between_frames_is_named() -> None:
         ps.run(ps.from_table(scenario))
 
 
-@pytest.mark.parametrize(("x", "when"), [("sqrt(0.05 - t)", "0.05"), ("x + 1/t", "0"), ("t/x", "0")])
-def test_a_path_of_a_collider_that_ends_is_named(x: str, when: str) -> None:
+@pytest.mark.parametrize(
+    ("x", "when", "error"),
+    [
+        ("sqrt(0.05 - t)", "0.05", ps.DivergenceError),
+        ("x + 1/t", "0", ps.UsageError),
+        ("t/x", "0", ps.UsageError),
+    ],
+)
+def test_a_path_of_a_collider_that_ends_is_named(x: str, when: str, error: type[ps.PsimError]) -> None:
     scenario = table(
         0.1,
         0.01,
@@ -230,10 +237,37 @@ def test_a_path_of_a_collider_that_ends_is_named(x: str, when: str) -> None:
         motions=[{"name": "lift", "collider": "ball", "path": [x, "y", "z"]}],
         output={"every": 1},
     )
-    with pytest.raises(
-        ps.DivergenceError, match=f"lift gives the collider 'ball' is not finite at t = {when} s"
-    ):
+    with pytest.raises(error, match=f"lift gives the collider 'ball' is not finite at t = {when} s"):
         ps.run(ps.from_table(scenario))
+
+
+@pytest.mark.parametrize(
+    ("more", "place"),
+    [
+        ('[[bodies]]\nshape = { type = "sphere", radius = 1e-200 }', "8:9"),
+        (
+            "[[colliders]]\nname = 'lid'\ntype = 'sphere'\nradius = 1\n"
+            '[[motions]]\ncollider = "lid"\npath = ["x", "y", "1/t"]',
+            "13:8",
+        ),
+        ('[[motions]]\non = "ball"\nparticles = [0]\npath = ["x", "y", "1/t"]', "7:1"),
+    ],
+    ids=["body", "collider", "particle"],
+)
+def test_what_cannot_begin_is_told_with_its_place(more: str, place: str) -> None:
+    text = f"""[simulation]
+duration = 1.0
+dt = 0.1
+[[particles]]
+name = "ball"
+layout = {{ type = "points", position = [[0, 5, 0]] }}
+{more}
+"""
+    with pytest.raises(ps.ScenarioError) as caught:
+        ps.run(ps.loads(text))
+    (told,) = caught.value.diagnostics
+    assert told.span is not None
+    assert f"{told.span.line}:{told.span.column}" == place
 
 
 def test_what_diverges_between_deaths_has_a_post_mortem() -> None:

@@ -7,13 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.colliders.moving import frame_at
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import drive_to
 from particlesim.engine.world import World
 from particlesim.errors import DivergenceError, PostMortem
-
-HINT = "roots, logarithms and quotients do not have a value everywhere: give a path that lasts until the end of the run"
+from particlesim.scenario.open_colliders import UNDEFINED, undefined
 
 
 def astray(world: World, last: int) -> DivergenceError | None:
@@ -40,19 +38,8 @@ def lost_collider(world: World, step: int) -> DivergenceError | None:
         if motion.collider is None:
             continue
         collider = next(each for each in world.scenario.all_colliders if each.name == motion.collider)
-        try:
-            with np.errstate(all="ignore"):
-                frame = frame_at(collider.body(), np.float64(time), np.float64(0))
-            place, speed = ([float(number) for number in each] for each in (frame[:3], frame[3:6]))
-        except (ArithmeticError, ValueError):  # from plain numbers: 1/x of a place at x = 0
-            place = speed = [math.nan] * 3
-        if not all(map(math.isfinite, (*place, *speed))):
-            return DivergenceError(
-                f"the path that {motion.label} gives the collider {motion.collider!r} is not finite at t = {time:.9g} s: "
-                f"place ({place[0]:.6g}, {place[1]:.6g}, {place[2]:.6g}) m, "
-                f"velocity ({speed[0]:.6g}, {speed[1]:.6g}, {speed[2]:.6g}) m/s",
-                HINT,
-            )
+        if (wrong := undefined(motion, collider.body(), time)) is not None:
+            return DivergenceError(wrong, UNDEFINED)
     return None
 
 
@@ -115,6 +102,6 @@ def _told(world: World, state: GroupState, time: float, noticed: float) -> Diver
     return DivergenceError(
         f"the path that {label} gives particle {who} of {state.name!r} is not finite at t = {time:.9g} s{many}: place "
         f"({place[0]:.6g}, {place[1]:.6g}, {place[2]:.6g}) m, velocity ({speed[0]:.6g}, {speed[1]:.6g}, {speed[2]:.6g}) m/s",
-        HINT,
+        UNDEFINED,
         found,
     )

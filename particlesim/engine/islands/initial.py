@@ -89,7 +89,7 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
     if isinstance(group, Bodies):
         _turn(state, group, streams)
     elif isinstance(group, Particles):
-        _pin(state, group, motions)
+        _pin(scenario, state, group, motions)
         if group.angular_velocity is not None:
             state.angular_velocity[:, :count] = np.transpose(np.atleast_2d(group.angular_velocity))
     return state
@@ -114,7 +114,7 @@ def _capacity(scenario: Scenario, group: Group) -> int:
     return max(1, min(total, group.limit or total, 1 << 16))
 
 
-def _pin(state: GroupState, group: Particles, motions: Sequence[Motion]) -> None:
+def _pin(scenario: Scenario, state: GroupState, group: Particles, motions: Sequence[Motion]) -> None:
     """Hold the particles that are pinned, and put those that are led where their paths begin."""
     if not motions and not group.has_pins():
         return
@@ -131,10 +131,11 @@ def _pin(state: GroupState, group: Particles, motions: Sequence[Motion]) -> None
     ]
     for m, rows in zip(motions, led, strict=True):
         if rows.size == 0:
-            raise UsageError(
-                f"{m.label} leads no particle of {group.name!r}: none is in its region",
-                "regions are compared with the places at the start",
-            )
+            with scenario.at_motion(m):
+                raise UsageError(
+                    f"{m.label} leads no particle of {group.name!r}: none is in its region",
+                    "regions are compared with the places at the start",
+                )
     every, times = np.unique(np.concatenate([np.empty(0, np.int64), *led]), return_counts=True)
     if (times > 1).any():
         raise UsageError(
@@ -152,10 +153,13 @@ def _pin(state: GroupState, group: Particles, motions: Sequence[Motion]) -> None
         state.drive(0.0)
         wild = ~(np.isfinite(state.x[:, every]).all(axis=0) & np.isfinite(state.v[:, every]).all(axis=0))
         if wild.any():
-            raise UsageError(
-                f"the path of particle {every[wild.argmax()]} of {group.name!r} is not finite at t = 0",
-                "position and velocity must be finite from the start",
-            )
+            row = every[wild.argmax()]
+            by = next(m for m, rows in zip(motions, led, strict=True) if row in rows)
+            with scenario.at_motion(by):
+                raise UsageError(
+                    f"the path of particle {row} of {group.name!r} is not finite at t = 0",
+                    "position and velocity must be finite from the start",
+                )
 
 
 def _existing(state: GroupState, rows: NDArray[np.int64], what: str) -> NDArray[np.int64]:
