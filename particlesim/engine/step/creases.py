@@ -222,7 +222,12 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             if start > max(lift, type_of(h, SOON) * approach if sure else lift):
                 # before it comes to that, others may press
                 seen = part * (start - half * lift) / (start - g)
-                free = min(free, _part_until(p, r, n, start - half * lift, h))
+                v = (p.vx, p.vy, p.vz)
+                if both:
+                    began = tuple(dot(v, way) / (far * far) * axis for axis in way) if far > 0 else v
+                else:
+                    began = tuple(axis - dot(v, up) * u for axis, u in zip(v, up, strict=True))
+                free = min(free, _part_until(p, r, n, began, start - half * lift, h))
             else:
                 rests = _dies_out(other, n, p, q, h, slack, sure & (not both))
                 if both:
@@ -311,13 +316,14 @@ def _along(p: Any, q: Any, way: Any, part: Any) -> Any:
     return at_place(q, (p.x + part * way[0], p.y + part * way[1], p.z + part * way[2]), (q.vx, q.vy, q.vz))
 
 
-def _part_until(p: Any, r: Any, n: Any, gap_left: Any, h: Any) -> Any:
-    """The part of an even glide of h from p to r after which it has come nearer by a gap, against a normal n."""
-    end = -h * dot(n, (r.vx, r.vy, r.vz))
+def _part_until(p: Any, r: Any, n: Any, began: Any, gap_left: Any, h: Any) -> Any:
+    """The part of an even glide of h from p to r, which has begun with a velocity, after which it has come nearer by a gap,
+    against a normal n."""
+    # s b + s² (whole − b) = gap, by the root that does not cancel. A method of first order goes its whole way with the
+    # velocity at the end: that one says nothing of shorter steps.
+    b = -h * dot(n, began)
     whole = -dot(n, (r.x - p.x, r.y - p.y, r.z - p.z))
-    # s (2 w − e) + s² (e − w) = gap, by the root that does not cancel
-    a, b = end - whole, (whole - end) + whole
-    return 2 * gap_left / (b + np.sqrt(max(b * b + 4 * a * gap_left, h - h)))
+    return 2 * gap_left / (b + np.sqrt(max(b * b + 4 * (whole - b) * gap_left, h - h)))
 
 
 def _dies_out(facet: Any, n: Any, p: Any, q: Any, h: Any, slack: Any, sure: Any) -> Any:
