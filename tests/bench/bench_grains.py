@@ -253,11 +253,13 @@ def main() -> None:
     )
     parser.add_argument("--grains", type=int, default=100_000)
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--lammps")
+    parser.add_argument("--lammps", help="a virtual environment that has the package lammps")
     parser.add_argument("--newton", help="a Python that has newton; with --settled")
     parser.add_argument("--settled", type=Path)
     parser.add_argument("--growth", action="store_true")
     given = parser.parse_args()
+    if given.newton and not given.lammps and not (given.settled and given.settled.is_file()):
+        parser.error("--newton goes on from --settled FILE, which --lammps writes if it is not there")
     if given.lammps:
         against_lammps(given.grains, given.rounds, given.lammps, given.settled)
     if given.newton:

@@ -360,3 +360,27 @@ def test_smooth_grains_of_different_radii_come_to_rest(restitution: float) -> No
     simulation.close()
     assert np.median(speeds) < 0.01 * G * DT
     assert np.median(depths) < 1e-3
+
+
+def test_grains_in_the_tip_of_a_cone_stay_outside_of_it() -> None:
+    # To leave one side there leads into the other: grains had ended 5e-5 of a radius inside.
+    r, slope = 0.015, 0.6
+    cells = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    places = cells * 0.035 + [-0.05, 0.25, -0.052] + np.random.default_rng(3).uniform(0, 0.003, (64, 3))
+    cone = {"type": "cone", "inside": True, "start": [0, 0.5, 0], "end": [0, 0, 0], "radius": 0.5 * slope}
+    scenario = table(
+        0.8,
+        DT,
+        particles=[points(*places.tolist(), velocity=[(0.0, 0.0, 0.0)] * 64, mass=0.035, radius=r)],
+        forces=[{"type": "gravity"}],
+        interactions=[{"type": "contact", "restitution": 0.5}],
+        colliders=[{"restitution": 0.5, **cone}],
+        output={"every": 50, "precision": "double"},
+    )
+    simulation = Simulation(ps.from_table(scenario), threads=1)
+    for step in range(500, 801, 50):
+        simulation.advance_to(step)
+        x, y, z = simulation.states[0].position.T
+        gap = (y * slope - np.hypot(x, z)) / np.hypot(slope, 1) - r
+        assert gap.min() > -2e-9 * r
+    simulation.close()

@@ -18,7 +18,7 @@ from particlesim.colliders.plane import PlaneRecord
 from particlesim.colliders.response import ColliderRecord
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
-from particlesim.engine.step.resting import at_place, dot, held, same_face, touched, unlifted
+from particlesim.engine.step.resting import at_place, cross, dot, held, same_face, touched, unlifted
 from particlesim.laws.registry import PASS, first_contact, gap, gap_and_normal, thinnest
 
 LIFT = 8
@@ -60,7 +60,7 @@ def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     found = (q.x, q.y, q.z)
     lifts = tuple(x + f * u + g * v for x, u, v in zip(found, n, m, strict=True))
     inverse = one / np.sqrt(spread)
-    way = tuple(inverse * axis for axis in _across(n, m))
+    way = tuple(inverse * axis for axis in cross(n, m))
     static, kinetic = zero, zero
     for each, push in ((c.response, j), (d.response, k)):
         if each.friction is not None:
@@ -266,7 +266,7 @@ def _around_bend(c: Any, r: Any, n: Any, m: Any, slack: Any) -> Any:
         first = dot(u, n) > dot(u, m)
         if (g >= -slack) | (max(dot(u, n), dot(u, m)) < STRAIGHT):
             break
-        along = _across(n, m)
+        along = cross(n, m)
         n, m = (
             tuple(b if first else a for a, b in zip(n, u, strict=True)),
             tuple(a if first else b for a, b in zip(m, u, strict=True)),
@@ -277,7 +277,7 @@ def _around_bend(c: Any, r: Any, n: Any, m: Any, slack: Any) -> Any:
         i, j = (k if first else -lean * k), (-lean * k if first else k)
         place = tuple(x + i * a + j * b for x, a, b in zip((r.x, r.y, r.z), n, m, strict=True))
         # along the crease as it is here, as fast as before, but for the friction of what has turned it
-        way, v = _across(n, m), (r.vx, r.vy, r.vz)
+        way, v = cross(n, m), (r.vx, r.vy, r.vz)
         size = np.sqrt(dot(v, v))
         if c.response.friction is not None:
             size = max(size + c.response.friction.kinetic * min(dot(v, u), g - g), g - g)
@@ -285,11 +285,6 @@ def _around_bend(c: Any, r: Any, n: Any, m: Any, slack: Any) -> Any:
         speed = size if dot(v, along) > 0 else -size
         r = at_place(r, place, tuple(speed * axis for axis in way))
     return r, n, m
-
-
-def _across(n: Any, m: Any) -> Any:
-    """n × m."""
-    return (n[1] * m[2] - n[2] * m[1], n[2] * m[0] - n[0] * m[2], n[0] * m[1] - n[1] * m[0])
 
 
 def no_faster(p: Any, q: Any, r: Any, h: Any, tolerance: Any) -> Any:

@@ -16,7 +16,7 @@ from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
-from particlesim.engine.step.resting import dot
+from particlesim.engine.step.resting import cross, dot
 from particlesim.laws.registry import gap_and_normal
 
 REST = 2
@@ -66,7 +66,7 @@ def bottom(parts: Any, p: Any, legal: Any, push: Any, h: Any, same: Any, rough: 
     one, two, three = parts
     x, y, z = p.x, p.y, p.z
     most = type_of(h, REST * REST) * dot(push, push)
-    u, v, w = across(two, three), across(three, one), across(one, two)
+    u, v, w = cross(two, three), cross(three, one), cross(one, two)
     volume = dot(one, u)
     holds = p.vx * p.vx + p.vy * p.vy + p.vz * p.vz <= most and abs(volume) > type_of(h, FLAT)
     if holds:
@@ -83,8 +83,3 @@ def bottom(parts: Any, p: Any, legal: Any, push: Any, h: Any, same: Any, rough: 
         if rough or far <= same * same:
             x, y, z = legal.x, legal.y, legal.z
     return holds, x, y, z
-
-
-def across(a: Any, b: Any) -> Any:
-    """The vector product of two vectors."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -271,6 +271,11 @@ def dot(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
+def cross(a: Any, b: Any) -> Any:
+    """a × b of vectors that lack no component."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
 def _along_way(free: Any, old: Any, belt: Any, way: Any, slides: Any, taken: Any, h: Any, gone: Any) -> Any:
     """A coordinate of a particle that slides to the end, `taken` less than without friction, or stops after it has `gone` so
     far."""

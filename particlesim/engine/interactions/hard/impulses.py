@@ -64,6 +64,7 @@ from particlesim.engine.interactions.hard.turns import (
     rub_pairs,
 )
 from particlesim.engine.interactions.hard.walls import (
+    leave_walls,
     push_from_walls,
     push_off_walls,
     put_on_walls,
@@ -252,11 +253,12 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
             apart_at_once(each, parts, c, t, chosen, walls)
         else:
             settle(each, c, before, walls, h)
-        turn, going = 0, True
+        turn, going, deepest = 0, True, 0.0
         while (turn < TURNS_APART[0]) | (going & (turn < TURNS_APART[1])):
             going = move_apart(each, c)
-            put_on_walls(each, parts, c, t)
+            deepest = put_on_walls(each, parts, c, t)
             turn += 1
+        leave_walls(each, parts, c, t, deepest)
         # not what steps take away from overlaps, and forces bring back
         most = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
         book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), most))

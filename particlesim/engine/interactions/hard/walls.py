@@ -36,6 +36,9 @@ ON_WALL = 1e-4
 """Gap to a collider, as a part of the radius, below which a particle lies on it."""
 SAME_SIDE = 0.99
 """The cosine of the angle between two normals from which on they are of one side."""
+OUT, NEARER, MOST_TURNS_OUT = 1e-9, 0.9, 64
+"""How deep in a collider counts as outside, as a part of the radius; how much less deep each turn makes it, at least, to be
+followed by another; and how many turns there are at most."""
 FLAT = (PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord)
 """Shapes without corners."""
 
@@ -285,24 +288,38 @@ def rub_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any) -> None:
             hold_at_wall(each, collider.response.friction, c, q, given)
 
 
-def put_on_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
-    """Particles that have been moved into colliders go back to their surface."""
-    begin, k = 0, 0
+def put_on_walls(each: Any, parts: Any, c: Any, t: Any) -> Any:
+    """Particles that have been moved into colliders go back to their surface, one collider after the other; returns how deep
+    one was, in radii."""
+    begin, k, deepest = 0, 0, 0.0
     for part in parts:
         for collider in colliders_of(part):
-            put_on_wall(each, collider, c, begin, each.bench.ends[k], t)
+            deepest = max(deepest, put_on_wall(each, collider, c, begin, each.bench.ends[k], t))
             begin = each.bench.ends[k]
             k += 1
+    return deepest
 
 
 @outlined
-def put_on_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any) -> None:
+def put_on_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any) -> Any:
     """`put_on_walls` for particles [begin, end) of the list."""
-    bench = each.bench
+    bench, deepest = each.bench, 0.0
     for k in range(begin, end):
         i = bench.wall[k]
         p = fetch(c, i, t)
         g, n = gap_and_normal(collider.shape, p)
         if g < 0:
+            deepest = max(deepest, -float(g) / float(p.r))
             x, y, z = put_back(collider.shape, p, g, whole(n, g))
             c.x[i], c.y[i], c.z[i] = x, y, z
+    return deepest
+
+
+def leave_walls(each: Any, parts: Any, c: Any, t: Any, deepest: Any) -> None:
+    """Particles that still are in colliders, as in the tip of a cone, where to leave one side leads into another, go on
+    leaving them while they come nearer to where they may be."""
+    turn, before = 0, np.inf
+    while (deepest > OUT) & (deepest < NEARER * before) & (turn < MOST_TURNS_OUT):
+        before = deepest
+        deepest = put_on_walls(each, parts, c, t)
+        turn += 1
