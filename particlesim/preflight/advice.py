@@ -10,7 +10,7 @@ from particlesim.engine.interactions.methods import IN_MATRICES, chosen_in
 from particlesim.graph.graph import islands_of, methods_of
 from particlesim.groups.group import Group, Particles
 from particlesim.integrators import Composition, ImplicitMethod, Method, method_for
-from particlesim.interactions import PairSet
+from particlesim.interactions import PairInteraction, PairSet
 from particlesim.preflight.heavy import too_heavy
 from particlesim.scenario.reach import acts_on, held_back, interacting, meetings_of, pair_sets, ties
 from particlesim.scenario.scenario import Scenario
@@ -61,11 +61,21 @@ def _through_bodies(scenario: Scenario) -> list[str]:
     ]
     if not bodies or not sized:
         return []
-    names = ", ".join(map(repr, (sized[0], *bodies)))
+    # what touches by springs already does not touch by impulses, too
+    soft = any(each.soft and sized[0] in _names(each, scenario) for each in scenario.interactions)
+    which = (
+        f"between = [{sized[0]!r}, {bodies[0]!r}]"
+        if soft
+        else f"on = [{', '.join(map(repr, (sized[0], *bodies)))}]"
+    )
     return [
         f"particles of {' and '.join(map(repr, sized))} pass through rigid bodies: no interaction makes them touch; "
-        f'[[interactions]] of type = "contact" and on = [{names}] does'.replace("'", '"')
+        f'[[interactions]] of type = "contact" and {which} does'.replace("'", '"')
     ]
+
+
+def _names(interaction: PairInteraction, scenario: Scenario) -> list[str]:
+    return [group.name for group in interacting(interaction, scenario.groups)]
 
 
 def _format(scenario: Scenario) -> list[str]:
@@ -300,7 +310,7 @@ def _pairs_twice(scenario: Scenario) -> list[str]:
         if each.type not in ONCE:
             continue
         names = [group.name for group in interacting(each, scenario.groups)]
-        pairs = combinations_with_replacement(names, 2) if each.between is None else [names]
+        pairs = combinations_with_replacement(names, 2) if each.between is None else [each.between]
         for pair in map(frozenset, pairs):
             if (other := seen.setdefault((each.type, pair), label)) != label:
                 found.setdefault((other, label), " and ".join(map(repr, sorted(pair))))

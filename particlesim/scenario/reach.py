@@ -66,8 +66,8 @@ def _reached(interaction: PairInteraction, groups: Iterable[Group]) -> tuple[Gro
 def meetings_of(scenario: Tables) -> tuple[Meeting, ...]:
     """Which particles touch which bodies."""
     return tuple(
-        Meeting(group.name, body.name, each.label, each.restitution, each.coefficients)
-        for each in scenario.interactions
+        Meeting(group.name, body.name, label, each.restitution, each.coefficients)
+        for label, each in zip(scenario.labels.interactions, scenario.interactions, strict=True)
         if isinstance(each, Contact) and each.by_impulses
         for group in interacting(each, scenario.groups)
         for body in _reached(each, scenario.bodies)

@@ -9,6 +9,7 @@ import pytest
 
 import particlesim as ps
 from particlesim.preflight.advice import advice, sliding
+from particlesim.scenario.reach import meetings_of
 from particlesim.scenario.subject import subject
 
 
@@ -179,6 +180,26 @@ def test_particles_that_pass_through_bodies_are_told(
         }
     )
     assert any("pass through rigid bodies" in sentence for sentence in advice(scenario)) is told
+
+
+def test_grains_on_springs_touch_bodies_by_what_is_advised() -> None:
+    # Springs touch no bodies, and impulses among the same grains would be a second contact.
+    ball = {"name": "box", "shape": {"type": "sphere", "radius": 1.0}, "position": [0, 5, 0]}
+    sand = {
+        "name": "sand",
+        "layout": {"type": "points", "position": [[0, 1, 0]]},
+        "radius": 0.1,
+        "mass": 1.0,
+    }
+    soft = {"type": "contact", "model": "linear", "stiffness": 1e3}
+    table = {"simulation": {"duration": 1, "dt": 0.1}, "particles": [sand], "bodies": [ball]}
+    (text,) = advice(ps.from_table({**table, "interactions": [soft]}))
+    assert 'between = ["sand", "box"] does' in text
+    hard = {"type": "contact", "between": ["sand", "box"]}
+    scenario = ps.from_table({**table, "interactions": [soft, hard]})
+    assert advice(scenario) == ()
+    (meeting,) = meetings_of(scenario)
+    assert meeting.label == "contact_2"
 
 
 WRITTEN = """format = 1
