@@ -193,11 +193,11 @@ def test_grains_on_springs_touch_bodies_by_what_is_advised() -> None:
     }
     soft = {"type": "contact", "model": "linear", "stiffness": 1e3}
     table = {"simulation": {"duration": 1, "dt": 0.1}, "particles": [sand], "bodies": [ball]}
-    (text,) = advice(ps.from_table({**table, "interactions": [soft]}))
+    (text,) = (each for each in advice(ps.from_table({**table, "interactions": [soft]})) if "bodies" in each)
     assert 'between = ["sand", "box"] does' in text
     hard = {"type": "contact", "between": ["sand", "box"]}
     scenario = ps.from_table({**table, "interactions": [soft, hard]})
-    assert advice(scenario) == ()
+    assert not any("bodies" in each or "add up" in each for each in advice(scenario))
     (meeting,) = meetings_of(scenario)
     assert meeting.label == "contact_2"
 
