@@ -217,6 +217,10 @@ class Collider(Rubbing, Model):
         """How much too early balls of a radius may touch it [m]."""
         return 0.0
 
+    def early_where(self, radius: float) -> str:
+        """Where that is, and what avoids it."""
+        raise NotImplementedError
+
     def doubts(self, name: str, lightest: float | None, dt: float) -> Iterator[str]:
         """A sentence for each choice that is legal and seldom meant, before steps of dt [s]; `lightest` is the mass [kg]
         of the lightest particle that it holds back, where that is known.

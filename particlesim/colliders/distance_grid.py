@@ -9,7 +9,7 @@ from annotated_types import Gt
 from pydantic import PrivateAttr
 
 from particlesim.colliders.content import SolidFromFile
-from particlesim.colliders.level_set import BAND, LevelRecord, early, is_cut
+from particlesim.colliders.level_set import BAND, LevelRecord, early, is_cut, where_early
 from particlesim.colliders.levels import LevelsRecord, levels_of
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows, placed
 from particlesim.colliders.sampled import SampledRecord, at_places, cells, spline
@@ -107,6 +107,10 @@ class DistanceGrid(SolidFromFile):
         """How much too early balls of a radius may touch it [m]."""
         axes = [step * np.arange(n) for step, n in zip(self.steps, self._content.shape, strict=True)]
         return early(self._content, axes, radius)
+
+    def early_where(self, radius: float) -> str:
+        """Where that is, and what avoids it."""
+        return where_early(radius)
 
     def words(self) -> str:
         x, y, z = self.origin

@@ -12,7 +12,7 @@ from particlesim.colliders.box import Size
 from particlesim.colliders.cusps import cusp
 from particlesim.colliders.feet import FormulaRecord
 from particlesim.colliders.folds import MOST_KINKS, FoldedRecord, KinkRecord
-from particlesim.colliders.level_set import BAND, CreasedRecord, LevelRecord, early, is_cut
+from particlesim.colliders.level_set import BAND, CreasedRecord, LevelRecord, early, is_cut, where_early
 from particlesim.colliders.levels import LevelsRecord, levels_of
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows, placed
 from particlesim.colliders.solid import GRAIN, Solid, SolidCollider
@@ -205,6 +205,10 @@ class Formula(Solid):
     def early(self, radius: float) -> float:
         """How much too early balls of a radius may touch it [m]."""
         return early(self._values(), self._axes(), radius)
+
+    def early_where(self, radius: float) -> str:
+        """Where that is, and what avoids it."""
+        return where_early(radius)
 
     def words(self) -> str:
         x, y, z = self.center

@@ -250,6 +250,14 @@ def is_cut(values: Floats) -> bool:
     return any(bool((each <= 0).any()) for each in sides(values))
 
 
+def where_early(radius: float) -> str:
+    """Where balls may touch a level set too early, and what avoids it."""
+    return (
+        "beyond the sides of its box, as others cut the solid off; "
+        f"a box that reaches {radius:.3g} m beyond it avoids that"
+    )
+
+
 def early(values: Floats, axes: Sequence[Floats], radius: float) -> float:
     """How much too early balls may touch a solid with these values of φ over a grid [m]: beyond a side of the box of one
     that is cut by others, where the way out of the box and that to the surface count as if they were at right angles."""

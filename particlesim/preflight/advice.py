@@ -149,8 +149,8 @@ def _own(scenario: Scenario) -> Iterator[str]:
         radius = max((size[1] for group in touching if (size := group.least_size())), default=0.0)
         if radius > 0 and (early := collider.early(radius)) > EARLY * radius:
             yield (
-                f"{collider.called(k)}: balls of {radius:.3g} m may touch it up to {early:.2g} m too early beyond the sides "
-                f"of its box, as others cut the solid off; a box that reaches {radius:.3g} m beyond it avoids that"
+                f"{collider.called(k)}: balls of {radius:.3g} m may touch it up to {early:.2g} m too early "
+                f"{collider.early_where(radius)}"
             )
     for each in scenario.interactions:
         sizes = [size for group in interacting(each, scenario.groups) if (size := group.least_size())]

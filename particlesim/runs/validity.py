@@ -359,7 +359,8 @@ def exhausted(world: World) -> tuple[str, ...]:
         return ()
     return (
         f"{'once' if number == 1 else f'{number:,} times'} a particle met colliders more than {MAX_IMPACTS} times in one "
-        "step, and finished it without rebound, which may have taken energy: a smaller dt lets it rebound",
+        "step, and finished it without rebound, which may have taken energy: a smaller dt lets it rebound, unless "
+        "colliders leave it no room",
     )
 
 

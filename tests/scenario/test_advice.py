@@ -339,3 +339,30 @@ def test_colliders_that_turn_by_much_in_a_step_are_told() -> None:
     (text,) = told(-1000.0)
     assert text.startswith("box table: it turns by 1 rad in a step of dt = 0.001 s")
     assert "dt = 0.0005 s" in text
+
+
+@pytest.mark.parametrize(
+    ("reach", "radius", "told"),
+    [(0.01, 0.1, True), (0.19, 0.1, True), (0.21, 0.1, False), (0.01, 0.004, False), (0.01, None, False)],
+)
+def test_cuts_that_end_too_close_for_balls_are_told(reach: float, radius: float | None, told: bool) -> None:
+    # A ball of 10 cm rests in the middle of a hole of 1 m where the cylinder reaches less than 20 cm beyond the slab.
+    top = 0.1 + reach
+    sized = {} if radius is None else {"radius": radius}
+    scenario = ps.from_table(
+        {
+            "simulation": {"duration": 1, "dt": 1e-3},
+            "particles": [{"name": "ball", "layout": {"type": "points", "position": [[0, 1, 0]]}, **sized}],
+            "forces": [{"type": "gravity"}],
+            "colliders": [
+                {
+                    "type": "difference",
+                    "of": [
+                        {"type": "box", "size": [4, 0.2, 4]},
+                        {"type": "cylinder", "start": [0, -top, 0], "end": [0, top, 0], "radius": 0.5},
+                    ],
+                }
+            ],
+        }
+    )
+    assert any("too early where what is taken off ends" in each for each in advice(scenario)) is told
