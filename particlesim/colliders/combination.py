@@ -40,9 +40,9 @@ from particlesim.model.variants import Tagged
 
 AnySolid = Annotated[Solid, Tagged("type", SOLIDS)]
 
-SHARP, MOST_ENDS = 0.5, 64
-"""How much too early balls may meet the edges of cuts, in radii: these are sharp, and up to right angles it is 0.41. How
-many places are looked at to see how much too early balls meet what is no edge."""
+SHARP, ROUNDED, MOST_ENDS = 0.7, 1e-9, 64
+"""How much too early balls may meet the edges of cuts, in radii: these are sharp, at a right angle it is 0.41, at 72° 0.7.
+What of the size of a solid is taken for rounding. How many places are looked at to see how much too early they meet others."""
 FINE = 64
 """Triangles of a cut surface along the longest side of a part, at least."""
 
@@ -208,7 +208,7 @@ class DifferenceCollider(Difference, SolidCollider):
             return 0.0
         few = np.linspace(0, len(ends) - 1, min(len(ends), MOST_ENDS)).astype(int)
         most = float((_distances_to(self.triangles(), ends[few]) - seen[few]).max())
-        return most if most > SHARP * radius else 0.0
+        return most if most > SHARP * radius + ROUNDED * self.farthest() else 0.0
 
     def early_where(self, radius: float) -> str:
         return (
@@ -231,7 +231,7 @@ def _under(surface: Triangles, radius: float) -> Any:
     out = np.cross(b - a, c - a)
     size = np.linalg.norm(out, axis=1, keepdims=True)
     inwards = -out / np.where(size > 0, size, 1)
-    shares = [(u / 6, v / 6, (6 - u - v) / 6) for u in range(1, 5) for v in range(1, 6 - u)]
+    shares = [(u / 3, v / 3, (3 - u - v) / 3) for u in range(4) for v in range(4 - u)]
     on = [u * a + v * b + w * c for u, v, w in shares]
     return np.concatenate(
         [each + depth * radius * inwards for each in on for depth in (0.25, 0.5, 0.75, 0.98)]

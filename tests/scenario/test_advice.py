@@ -343,7 +343,14 @@ def test_colliders_that_turn_by_much_in_a_step_are_told() -> None:
 
 @pytest.mark.parametrize(
     ("reach", "radius", "told"),
-    [(0.01, 0.1, True), (0.19, 0.1, True), (0.21, 0.1, False), (0.01, 0.004, False), (0.01, None, False)],
+    [
+        (0.01, 0.1, True),
+        (0.19, 0.1, True),
+        (0.21, 0.1, False),
+        (0.01, 0.004, False),
+        (0.01, 1e-30, False),
+        (0.01, None, False),
+    ],
 )
 def test_cuts_that_end_too_close_for_balls_are_told(reach: float, radius: float | None, told: bool) -> None:
     # A ball of 10 cm rests in the middle of a hole of 1 m where the cylinder reaches less than 20 cm beyond the slab.
@@ -366,3 +373,23 @@ def test_cuts_that_end_too_close_for_balls_are_told(reach: float, radius: float 
         }
     )
     assert any("too early where what is taken off ends" in each for each in advice(scenario)) is told
+
+
+def test_edges_that_a_cut_makes_sharp_are_not_told() -> None:
+    # A bowl in a slab: the ball of the cut leaves an edge of 82°, which is no end of it.
+    scenario = ps.from_table(
+        {
+            "simulation": {"duration": 1, "dt": 1e-3},
+            "particles": [
+                {"name": "p", "layout": {"type": "points", "position": [[0, 1, 0]]}, "radius": 0.1}
+            ],
+            "forces": [{"type": "gravity"}],
+            "colliders": [
+                {
+                    "type": "difference",
+                    "of": [{"type": "box", "size": [4, 0.2, 4]}, {"type": "sphere", "radius": 0.7}],
+                }
+            ],
+        }
+    )
+    assert not any("too early" in each for each in advice(scenario))
