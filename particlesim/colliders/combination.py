@@ -42,7 +42,7 @@ AnySolid = Annotated[Solid, Tagged("type", SOLIDS)]
 
 SHARP, ROUNDED, MOST_ENDS = 0.7, 1e-9, 64
 """How much too early balls may meet the edges of cuts, in radii: these are sharp, at a right angle it is 0.41, at 72° 0.7.
-What of the size of a solid is taken for rounding. How many places are looked at to see how much too early they meet others."""
+What of the size of a solid is taken for rounding. How many places are looked at to see how much too early balls touch."""
 FINE = 64
 """Triangles of a cut surface along the longest side of a part, at least."""
 
