@@ -56,6 +56,20 @@ def energies(scenario: Table) -> NDArray[np.float64]:
     return np.array(found)
 
 
+def way(every: int, duration: float, h: float, method: str, **parts: Any) -> tuple[NDArray[np.float64], ...]:
+    """Places and velocities of all particles every so many steps, shapes [times, n, 3]."""
+    simulation = Simulation(ps.from_table(table(duration, h, method, **parts)))
+    places, speeds = [], []
+    for step in range(0, round(duration / h) + 1, every):
+        simulation.advance_to(step)
+        for found, name in ((places, "x"), (speeds, "v")):
+            found.append(
+                np.concatenate([getattr(state, name)[:, : state.count].T for state in simulation.states])
+            )
+    simulation.close()
+    return np.array(places), np.array(speeds)
+
+
 def record(
     path: Path, duration: float, dt: float, method: str = "velocity_verlet", **parts: Any
 ) -> ps.Trajectory:

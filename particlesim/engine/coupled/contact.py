@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from particlesim.colliders.response import crossable
+from particlesim.engine.coupled.rebounds import note_rebound
 from particlesim.engine.state.columns import block_of, fetch, note, span, store, tire, type_of
 from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed
 from particlesim.engine.step.crossing import crossings, passable
@@ -22,8 +23,19 @@ def forget(memory: Any, i: Any) -> None:
         memory[-1][i] = 0
 
 
-def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any) -> None:
-    """Contacts at the end of a step.
+def nudge(memory: Any, i: Any, q: Any, r: Any) -> None:
+    """Let the method's memory of particle i know that it lies on something, and ends its step with the velocity of r instead
+    of that of q. Where it began again in each step, swings along a surface would grow."""
+    if len(memory) > 0:
+        memory[0][i] += r.vx - q.vx
+        memory[1][i] += r.vy - q.vy
+        memory[2][i] += r.vz - q.vz
+
+
+def collide(
+    parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any, rebounds: Any = None
+) -> None:
+    """Contacts at the end of a step; with `rebounds`, those that bounce are listed there.
 
     A particle that ends inside a collider is followed from impact to impact on the parabola from the beginning of the step
     to where its method has led it. With another path, particles that lie on a collider would oscillate with growing
@@ -33,13 +45,13 @@ def collide(parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: An
         hard = not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
         if hard or len(part.contacts.soft) > 0:
             first, last = max(share.first, part.first), min(share.last, part.last)
-            _collide(part.contacts, part.rubbing, c, before, first, last, t, end, h, False)
+            _collide(part.contacts, part.rubbing, c, before, first, last, t, end, h, False, share, rebounds)
         if part.cores is not None:
             first, last = max(share.first, part.first), min(share.last, part.last)
             for lo in range(first, last, BLOCK):
                 hi = min(lo + BLOCK, last)
                 if is_deep(part.cores, block_of(c, lo, hi), end):
-                    _collide(part.cores, (), c, before, lo, hi, t, end, h, True)
+                    _collide(part.cores, (), c, before, lo, hi, t, end, h, True, share, None)
 
 
 def core_of(p: Any) -> Any:
@@ -57,12 +69,25 @@ def came_from(before: Any, i: Any, q: Any, begin: Any, h: Any, soft: Any) -> Any
     )
 
 
-def way_between(p: Any, q: Any, h: Any) -> BentRecord:
-    """The parabola through both ends of a step with the velocity at its beginning; velocities change evenly."""
+def leapt(memory: Any, i: Any, p: Any, q: Any) -> Any:
+    """The beginning p of a step to q with the velocity that its method has begun with: Störmer's rule knows that in the
+    middle of the step."""
+    if len(memory) == 0:
+        return p
+    ux, uy, uz = memory[0][i], memory[1][i], memory[2][i]
+    return moved_to(p, p.x, p.y, p.z, ux + ux - q.vx, uy + uy - q.vy, uz + uz - q.vz, p.t)
+
+
+def way_between(p: Any, q: Any, h: Any, even: bool) -> BentRecord:
+    """The parabola through both ends of a step with the velocity at its beginning; velocities change evenly. With `even`
+    impacts are on that through both with the same change."""
     k = type_of(h, 1) / h
     turn = k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz)
     bend = k * (k * (q.x - p.x) - p.vx), k * (k * (q.y - p.y) - p.vy), k * (k * (q.z - p.z) - p.vz)
-    return BentRecord(turn, bend)
+    if not even:
+        return BentRecord(turn, bend)
+    half = type_of(h, 0.5)
+    return BentRecord(turn, bend, tuple(h * (b - half * a) for a, b in zip(turn, bend, strict=True)))
 
 
 def is_deep(contacts: Any, q: Any, t: Any) -> Any:
@@ -91,6 +116,8 @@ def _collide(
     end: Any,
     h: Any,
     soft: Any,
+    share: Any,
+    rebounds: Any,
 ) -> None:
     """`collide` for particles [first, last), which meet the same colliders; for the cores of those that are `soft`."""
     for i in range(first, last):
@@ -99,9 +126,15 @@ def _collide(
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
             p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
-                way = way_between(p, q, hi)
-                r, _, outcome, hit, exhausted = trace(way, Newtonian(), (), contacts, p, hi, ())
-                forget(c.memory, i)
+                begun = p if rebounds is None else leapt(c.memory, i, p, q)
+                way = way_between(begun, q, hi, rebounds is not None)
+                r, _, outcome, hit, exhausted, bounces = trace(way, Newtonian(), (), contacts, begun, hi, ())
+                if rebounds is not None and bounces:
+                    note_rebound(rebounds, share, i, way, q)
+                if bounces:
+                    forget(c.memory, i)
+                else:
+                    nudge(c.memory, i, q, r)
                 tell(c.hit, i, hit)
                 tire(c, i, exhausted)
             else:

@@ -23,6 +23,7 @@ from particlesim.engine.coupled.forces import (
     roll,
     twist,
 )
+from particlesim.engine.coupled.rebounds import settle_rebounds
 from particlesim.engine.coupled.workspace import StagedComposition, StagedRungeKutta, StagedVerlet
 from particlesim.engine.interactions.bonds import break_bonds
 from particlesim.engine.interactions.interaction import conclude_elements, leave_elements
@@ -252,6 +253,7 @@ def begin_step(c: Any, work: Any, share: Any) -> None:
     """Keep the state at the beginning of a step."""
     keep_beginning(work.before, c, share)
     share.wild[8 * share.number] = 0
+    share.struck[8 * share.number] = 0
 
 
 def end_step(
@@ -260,7 +262,9 @@ def end_step(
     """Contacts, what interactions do then, and breaking after a step; returns whether it was a good one in all shares, else
     restores its beginning if that has been kept. `anew`: as `rolls_anew`."""
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
-    collide(parts, c, work.before, share, t, end, h)
+    collide(parts, c, work.before, share, t, end, h, work.rebounds)
+    if work.rebounds is not None:
+        settle_rebounds(parts, bonds, c, work, share, t, end, h)
     after_contact(share.rods, c, share)
     look_at_all(work.before, c, share)
     meet(share.gate, share.threads)

@@ -65,11 +65,27 @@ class StagedEmbedded(NamedTuple):
     least: float
 
 
+class Rebounds(NamedTuple):
+    """Room for particles that bounce in a step, one column for each: in the columns of a thread's share, those of its own.
+    Their `rows`; the state in which the step would have ended without [6, n]; the acceleration on their way, what velocities
+    lack on it, and forces at the end of a step without and with [12, n]. `mean`: accelerations of all particles [3, n], for
+    a leapfrog. By what parts of a step velocities are older than places: those at the end of a step, and those with which
+    one begins after contact."""
+
+    rows: Any
+    free: Any
+    way: Any
+    mean: Any
+    old: Any
+    begun: Any
+
+
 class Work(NamedTuple):
     """Scratch arrays: total force [3, n], state at the beginning of the step [6, n] or None if it is not needed, slopes
     [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk]. Where
     particles spin there are as many rows again of the first three: torques, angles and angular velocities. `system`: the
-    equations of implicit methods; `radau`: the polynomials of IAS15; `orbits`: those of WHFast; None for other methods."""
+    equations of implicit methods; `radau`: the polynomials of IAS15; `orbits`: those of WHFast; None for other methods.
+    `rebounds`: where what bounces is known to give no energy (`rebounds`), else None."""
 
     force: Any
     before: Any
@@ -79,12 +95,14 @@ class Work(NamedTuple):
     system: Any = None
     radau: Any = None
     orbits: Any = None
+    rebounds: Any = None
 
 
 class Share(NamedTuple):
     """What a thread does: particles [first, last), in chunks, with the motions that lead some of them, and the
     interactions that are not laid out by chunks; its number among the threads, and where they meet; the order in which it
-    goes through its chunks; the rods that it holds, None where there are none at all."""
+    goes through its chunks; the rods that it holds, None where there are none at all. `wild` and `struck` count, for every
+    thread, whether a number is not finite and how many particles have bounced in the step."""
 
     first: int
     last: int
@@ -97,6 +115,7 @@ class Share(NamedTuple):
     elements: tuple[Any, ...]
     order: Any
     rods: Any = None
+    struck: Any = None
 
 
 class Team(NamedTuple):
@@ -156,6 +175,19 @@ def scratch(
     )
 
 
+def new_rebounds(method: Method, count: int, dtype: Any) -> Rebounds | None:
+    """Room for the particles of an island that bounce; None for a method that chooses its steps, or solves for them."""
+    if method.adaptive or not isinstance(method, Composition | RungeKutta | Verlet):
+        return None
+    begun = 0.0
+    if isinstance(method, Composition):
+        begun = 0.5 - float(np.dot(method.kicks, np.cumsum([0.0, *method.drifts[:-1]])))
+    old = 0.5 if isinstance(method, Verlet) else begun
+    leaps = isinstance(method, Verlet) or (isinstance(method, Composition) and len(method.kicks) <= 2)
+    free, way, mean = (np.zeros((rows, count), dtype) for rows in (6, 12, 3))
+    return Rebounds(np.zeros(count, np.int64), free, way, mean if leaps else None, old, begun)
+
+
 def share_out(
     count: int,
     threads: int,
@@ -167,7 +199,7 @@ def share_out(
     """Shares of an island for some threads, at most one for every chunk; without an order."""
     ranges = shares(count, threads, chunk)
     held = [None] * len(ranges) if constraint is None else constraint.records(len(ranges))
-    gate, wild = new_gate(), np.zeros(8 * len(ranges), np.int64)
+    gate, wild, struck = new_gate(), *np.zeros((2, 8 * len(ranges)), np.int64)
     return [
         Share(
             first,
@@ -181,6 +213,7 @@ def share_out(
             tuple(each.between(first, last) for each in elements),
             None,
             held[number],
+            struck,
         )
         for number, (first, last) in enumerate(ranges)
     ]

@@ -229,7 +229,7 @@ def touch(program: Any, c: Any, d: Any, k: Any, q: Any) -> Any:
     h = type_of(p.x, d.clock[TAKEN, k])
     inside = overlapped(program.contacts, p, q, h)
     if inside:
-        q, _, outcome, hit, exhausted = trace(
+        q, _, outcome, hit, exhausted, _ = trace(
             program.method, program.dynamics, program.forces, program.contacts, p, h, (h,)
         )
         tell(c.hit, d.row[k], hit)

@@ -274,7 +274,7 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
             begin, hi = span(c.clock, i, t, end, h)
             p = saved(room.before, i, fetch_known(c, inverse, i, begin), begin)
             free = fetch(c, i, end)
-            q, memory, outcome, hit, exhausted = trace(
+            q, memory, outcome, hit, exhausted, _ = trace(
                 program.method,
                 program.dynamics,
                 program.forces,

@@ -10,9 +10,10 @@ import numpy as np
 from particlesim.engine.constraints.constraint import Constraint
 from particlesim.engine.coupled.gauss_radau import new_room
 from particlesim.engine.coupled.wisdom_holman import new_orbits
-from particlesim.engine.coupled.workspace import Part, Share, Work, scratch, share_out
+from particlesim.engine.coupled.workspace import Part, Share, Work, new_rebounds, scratch, share_out
 from particlesim.engine.implicit.linear_system import new_system
 from particlesim.engine.interactions.bond_layout import FINEST, LEAST, chunk_size, order_of, owned
+from particlesim.engine.interactions.hard.impulses import Impulses
 from particlesim.engine.interactions.interaction import new_forms
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.state.columns import Columns
@@ -66,6 +67,10 @@ class Layout:
             looks_back=looks_back,
             spins=SPIN in whole.parts,
         )
+        # Rods and hard contacts change what bounces once more.
+        alone = constraint is None and not any(isinstance(each, Impulses) for each in interactions)
+        if alone and any(map(bounces, self.parts)):
+            self.work = self.work._replace(rebounds=new_rebounds(self._method, self.count, self.dtype))
         if isinstance(self._method, GaussRadauMethod):
             self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))
         if isinstance(self._method, WisdomHolmanMethod):
@@ -149,6 +154,12 @@ class Layout:
             order = order_of(tables, share.first, share.last, chunk, chunks, wait=bool(share.elements))
             found.append((mine, _own(self.work, share, forms, self.dtype), share._replace(order=order)))
         return found
+
+
+def bounces(part: Part) -> bool:
+    """Whether particles of a group bounce off colliders at the time of impact."""
+    contacts: Any = part.contacts
+    return not isinstance(contacts, Simple) and any(c.response.bounce > 1 for c in contacts.continuous)
 
 
 def apart(interactions: Interactions) -> tuple[Interactions, Interactions]:

@@ -12,6 +12,11 @@ Whether a path goes into a collider, such as a ball or a thin sheet, and comes o
 beginning to its end (`particlesim.colliders.way`).
 
 Where places are kept in single precision, `trace` follows them in double: they would be rounded at every impact.
+
+The velocities of a leapfrog may be late, as those of symplectic Euler are by half a step: an impact that turned them around
+would change the energy by h v·f. So what flies into a step with an impact is followed with the velocities of its places, by
+velocity Verlet, which without an impact is the same step (`particle_step`). What lies goes its method's own way: with two
+ways in turn, swings along a surface would grow.
 """
 
 from __future__ import annotations
@@ -47,7 +52,15 @@ from particlesim.engine.step.creases import no_faster, wedged
 from particlesim.engine.step.crossing import all_apart, crossing, straight, turned_away
 from particlesim.engine.step.hits import hear, silence
 from particlesim.engine.step.lying import borne, settled
-from particlesim.engine.step.particle_step import advance, restart
+from particlesim.engine.step.particle_step import (
+    advance,
+    centred,
+    delayed,
+    delayed_along,
+    lags,
+    on_time,
+    restart,
+)
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
 from particlesim.engine.step.resting import stays
 from particlesim.laws.registry import PASS, moved_to
@@ -68,6 +81,8 @@ MAX_HALVINGS = 80
 
 LIVELY, CALM, SURE = 0, 1, 2
 """What happens to a particle that touches: it rebounds; lies, if its hops are shorter than the step; lies in any case."""
+FLYING, LYING, ENDED = 0, 1, 2
+"""How a particle ends its step: in flight, on a collider, or otherwise, as where it stuck."""
 
 
 def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
@@ -324,127 +339,161 @@ def _lying(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
 @outlined
 def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
     """One step of one particle from impact to impact: the particle, the method's memory, the outcome, the first impact
-    to which an emitter reacts (None where none would), and whether it had more impacts than are followed.
+    to which an emitter reacts (None where none would), whether it had more impacts than are followed, and whether it has
+    bounced, and flown ever since the beginning.
 
     The particle's time is where its step ended: before t + h when it stuck or died.
     """
     if isinstance(contacts, Simple):
-        return p, memory, PASS, None, False
+        return p, memory, PASS, None, False, False
     if not coarse(contacts.tolerance):
         return _trace(method, dynamics, forces, contacts, p, h, memory)
     # Impacts are between the places that single precision knows: rounded to one of them, each would gain or lose energy.
     fine = type(p)(*(each if each is None else np.float64(each) for each in p))
     known = tuple(np.float64(each) for each in memory)
-    q, after, outcome, hit, exhausted = _trace(method, dynamics, forces, contacts, fine, np.float64(h), known)
+    q, after, outcome, hit, exhausted, bounces = _trace(
+        method, dynamics, forces, contacts, fine, np.float64(h), known
+    )
     x, y, z, vx, vy, vz = (type_of(p.x, each) for each in q[:6])
     coarsened = tuple(type_of(p.x, each) for each in after)
-    return moved_to(p, x, y, z, vx, vy, vz, q.t), coarsened, outcome, hit, exhausted
+    return moved_to(p, x, y, z, vx, vy, vz, q.t), coarsened, outcome, hit, exhausted, bounces
 
 
 @outlined
 def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
     """As `trace`, in the precision of p."""
+    if len(contacts.continuous) == 0:
+        q, after = advance(method, dynamics, forces, p, h, memory)
+        legal, outcome, hit, exhausted, bounces = p, PASS, silence(contacts.discrete, p), False, False
+    elif lags(method):
+        free, _ = advance(centred(method, h, True), dynamics, forces, p, h, restart(memory))
+        slack = rounding_of_step(contacts, p, free, h)
+        _, on, _ = _settled(contacts.resting, p, free, h, contacts.tolerance, slack, False)
+        lies = any(on)
+        begun = p if lies else on_time(method, forces, p, h, memory)
+        q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
+            centred(method, h, lies), dynamics, forces, contacts, begun, h, restart(memory)
+        )
+        if alone and not lies:
+            q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
+        elif ends == FLYING and not lies:
+            q = delayed(method, forces, q, h)
+        elif ends == LYING and not lies:
+            q = delayed_along(method, forces, q, h)
+        bounces = ends == FLYING and not (alone or lies)
+    else:
+        q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
+            method, dynamics, forces, contacts, p, h, memory
+        )
+        bounces = ends == FLYING and not alone
+    if outcome == PASS and nearest(contacts.discrete, q) < 0:
+        hit = hear(contacts.discrete, q, hit)
+        # Out of one collider must not mean into another, and only the beginning of the step is legal for all.
+        q, outcome = _separate(contacts.discrete + contacts.continuous, q, legal, contacts)
+        after, bounces = restart(after), False
+    return q, after, outcome, hit, exhausted, bounces
+
+
+@outlined
+def _follow(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
+    """The way of a particle with continuous colliders: what `trace` tells, a place out of all of these, how it ends the
+    step, and whether it has met nothing."""
     left, half = h, type_of(h, 0.5)
     end = p.t + h
+    ends, alone, impacts = ENDED, False, 0
     hit = silence(contacts.continuous + contacts.discrete, p)
     outcome = PASS
     legal = p
     exhausted = False
-    if len(contacts.continuous) > 0:
-        impacts = 0
-        stalls = 0
-        early = False
-        calm = CALM
-        p, outcome = _separate(contacts.continuous, p, p, contacts)
-        cramped = nearest(contacts.continuous, p) < -rounding(contacts, p)
-        if cramped:
-            impacts = MAX_IMPACTS  # it finds no room, and would bounce as often as it may
-        legal = p
+    stalls = 0
+    early = False
+    calm = CALM
+    begun = p
+    p, outcome = _separate(contacts.continuous, p, p, contacts)
+    put_out = (p.x != begun.x) | (p.y != begun.y) | (p.z != begun.z)
+    put_out |= (p.vx != begun.vx) | (p.vy != begun.vy) | (p.vz != begun.vz)
+    cramped = nearest(contacts.continuous, p) < -rounding(contacts, p)
+    if cramped:
+        impacts = MAX_IMPACTS  # it finds no room, and would bounce as often as it may
+    legal = p
+    if may_hold(contacts.continuous):
+        q, _ = advance(method, dynamics, forces, p, h, memory)
+        push, parts = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz), no_parts(h)
+    while outcome == PASS:
         if may_hold(contacts.continuous):
-            q, _ = advance(method, dynamics, forces, p, h, memory)
-            push, parts = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz), no_parts(h)
-        while outcome == PASS:
-            if may_hold(contacts.continuous):
-                parts = with_part(parts, contacts.continuous, p)
-                slack, zero = rounding(contacts, p), h - h
-                rubs = any(c.response.friction is not None for c in contacts.continuous)
-                holds, x, y, z = bottom(parts, p, legal, push, h, slack, rubs)
-                lain = moved_to(p, x, y, z, zero, zero, zero, end)
-                if holds and nearest(contacts.continuous, lain) >= -slack:
-                    p, memory = lain, restart(memory)
-                    break
-            q, after, on, turn = _glide(method, dynamics, forces, contacts, p, left, memory, calm)
-            length = left
-            if turn < 1 and impacts < MAX_IMPACTS:
-                # It comes to a stop and will not stay there, or to another part of what it lies on: so far, then on.
-                length = turn * left
+            parts = with_part(parts, contacts.continuous, p)
+            slack, zero = rounding(contacts, p), h - h
+            rubs = any(c.response.friction is not None for c in contacts.continuous)
+            holds, x, y, z = bottom(parts, p, legal, push, h, slack, rubs)
+            lain = moved_to(p, x, y, z, zero, zero, zero, end)
+            if holds and nearest(contacts.continuous, lain) >= -slack:
+                p, memory = lain, restart(memory)
+                break
+        q, after, on, turn = _glide(method, dynamics, forces, contacts, p, left, memory, calm)
+        length = left
+        if turn < 1 and impacts < MAX_IMPACTS:
+            # It comes to a stop and will not stay there, or to another part of what it lies on: so far, then on.
+            length = turn * left
+            q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
+            shorter = 0
+            while turn < SAME and shorter < MAX_HALVINGS:
+                # Near the end already, or, as it bends more than was seen, far from it.
+                length = turn * length if shorter < MAX_SWEEPS else half * turn * length
                 q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
-                shorter = 0
-                while turn < SAME and shorter < MAX_HALVINGS:
-                    # Near the end already, or, as it bends more than was seen, far from it.
-                    length = turn * length if shorter < MAX_SWEEPS else half * turn * length
-                    q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
-                    shorter += 1
-            late, place = crossing(contacts, on, p, q, length)
-            if not (late < length or ahead(contacts, on, q) < 0):
-                p = q
-                if length == left:
-                    memory = after
-                    break
-                memory = restart(memory)
-                left = left - length
+                shorter += 1
+        late, place = crossing(contacts, on, p, q, length)
+        if not (late < length or ahead(contacts, on, q) < 0):
+            p = q
+            if length == left:
+                memory, ends = after, LYING if any(on) else FLYING
+                alone = ends == FLYING and impacts == 0 and not put_out
+                break
+            memory = restart(memory)
+            left = left - length
+            impacts += 1
+            continue
+        if may_hold(contacts.continuous):
+            parts = with_part(parts, contacts.continuous, q)
+        # What flies to the end has flown all the way, though it might lie for a shorter time.
+        how, exact = calm if any(on) else LIVELY, True
+        if late < length:
+            q, exact = _reached(method, dynamics, forces, contacts, p, late, place, memory, how)
+        rests = stalls == MAX_STALLS and calm == SURE
+        if impacts == MAX_IMPACTS or rests:
+            exhausted = not (cramped or rests)
+            p, outcome = _separate(contacts.resting, q, p, contacts)
+            memory = restart(memory)
+            early = outcome == PASS
+            break
+        if calm == SURE and not any(on):
+            tau, r = _lying(method, dynamics, forces, contacts, p, length, memory)
+            if tau > 0:
+                p, memory = r, restart(memory)
+                left = left - tau
                 impacts += 1
                 continue
-            if may_hold(contacts.continuous):
-                parts = with_part(parts, contacts.continuous, q)
-            # What flies to the end has flown all the way, though it might lie for a shorter time.
-            how, exact = calm if any(on) else LIVELY, True
-            if late < length:
-                q, exact = _reached(method, dynamics, forces, contacts, p, late, place, memory, how)
-            rests = stalls == MAX_STALLS and calm == SURE
-            if impacts == MAX_IMPACTS or rests:
-                exhausted = not (cramped or rests)
-                p, outcome = _separate(contacts.resting, q, p, contacts)
-                memory = restart(memory)
-                early = outcome == PASS
-                break
-            if calm == SURE and not any(on):
-                tau, r = _lying(method, dynamics, forces, contacts, p, length, memory)
-                if tau > 0:
-                    p, memory = r, restart(memory)
-                    left = left - tau
-                    impacts += 1
-                    continue
-            if stalls == MAX_STALLS:
-                # From now on it lies where it touches.
-                calm, stalls = SURE, 0
-                continue
-            tau = late
-            if exact:
-                tau = _time_of_impact(method, dynamics, forces, contacts, p, late, memory, how)
-            # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
-            top, _, on, _ = _glide(method, dynamics, forces, contacts, p, half * tau, memory, how)
-            low = ahead(contacts, on, top) <= rounding(contacts, p)
-            stalls = stalls + 1 if low or tau < h / 1048576 else 0
-            impacts += 1
-            if exact:
-                q, after, _, _ = _glide(method, dynamics, forces, contacts, p, tau, memory, how)
-            hit = hear(contacts.continuous, q, hit)
-            p, outcome = _separate(contacts.continuous, q, p, contacts)
-            memory = restart(memory)
-            left = left - tau
-            calm = LIVELY
-        if early:  # what moves has gone on meanwhile
-            p = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, end)
-            p, outcome = _separate(contacts.resting, p, p, contacts)
-        if outcome == PASS and nearest(contacts.continuous, p) < -rounding_of_step(contacts, legal, p, h):
-            p, outcome = _separate(contacts.resting, p, legal, contacts)  # what friction moved in a corner
-    else:
-        q, after = advance(method, dynamics, forces, p, left, memory)
-        p, memory = q, after
-    if outcome == PASS and nearest(contacts.discrete, p) < 0:
-        hit = hear(contacts.discrete, p, hit)
-        # Out of one collider must not mean into another, and only the beginning of the step is legal for all.
-        p, outcome = _separate(contacts.discrete + contacts.continuous, p, legal, contacts)
+        if stalls == MAX_STALLS:
+            # From now on it lies where it touches.
+            calm, stalls = SURE, 0
+            continue
+        tau = late
+        if exact:
+            tau = _time_of_impact(method, dynamics, forces, contacts, p, late, memory, how)
+        # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
+        top, _, on, _ = _glide(method, dynamics, forces, contacts, p, half * tau, memory, how)
+        low = ahead(contacts, on, top) <= rounding(contacts, p)
+        stalls = stalls + 1 if low or tau < h / 1048576 else 0
+        impacts += 1
+        if exact:
+            q, after, _, _ = _glide(method, dynamics, forces, contacts, p, tau, memory, how)
+        hit = hear(contacts.continuous, q, hit)
+        p, outcome = _separate(contacts.continuous, q, p, contacts)
         memory = restart(memory)
-    return p, memory, outcome, hit, exhausted
+        left = left - tau
+        calm = LIVELY
+    if early:  # what moves has gone on meanwhile
+        p = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, end)
+        p, outcome = _separate(contacts.resting, p, p, contacts)
+    if outcome == PASS and nearest(contacts.continuous, p) < -rounding_of_step(contacts, legal, p, h):
+        p, outcome = _separate(contacts.resting, p, legal, contacts)  # what friction moved in a corner
+    return p, memory, outcome, hit, exhausted, legal, ends, alone

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from particlesim.engine.state.columns import type_of
 from particlesim.integrators.adaptive import EmbeddedRecord
 from particlesim.integrators.base import CompositionRecord, RungeKuttaRecord, VerletRecord
 from particlesim.laws.registry import force, moved_to, velocity
@@ -198,10 +199,12 @@ def verlet(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any)
 
 class BentRecord(NamedTuple):
     """The path of a step by another method: the velocity changes by `turn` in a unit of time [m/s²], and the position at a
-    time s after the beginning is s² `bend` [m/s²] off the straight line."""
+    time s after the beginning is s² `bend` [m/s²] off the straight line. `late`: what its velocities lack to be those of its
+    places, if they change with these by `turn` [m/s]; None if that does not matter."""
 
     turn: Any
     bend: Any
+    late: Any = None
 
 
 def bent(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
@@ -209,6 +212,61 @@ def bent(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -
     (x, y, z), (ax, ay, az) = method.bend, method.turn
     place = p.x + h * (p.vx + h * x), p.y + h * (p.vy + h * y), p.z + h * (p.vz + h * z)
     return moved_to(p, *place, p.vx + h * ax, p.vy + h * ay, p.vz + h * az, p.t + h), memory
+
+
+def lags(method: Any) -> bool:
+    """Whether the velocities of a method are not those of its places: it is a leapfrog like velocity Verlet, which has the
+    same places and, at these, the velocities `on_time` (Hairer, Lubich, Wanner, Geometric Numerical Integration, I.3.1)."""
+    if isinstance(method, BentRecord):
+        return method.late is not None
+    return isinstance(method, VerletRecord) or (
+        isinstance(method, CompositionRecord) and len(method.kicks) == 1
+    )
+
+
+def centred(method: Any, h: Any, lies: Any) -> Any:
+    """A method that `lags` with the same places after steps of h and the velocities of these; as it is for a particle that
+    `lies`, which has no velocity that is late, as its forces and those of contact cancel."""
+    one, half, zero = type_of(h, 1), type_of(h, 0.5), h - h
+    if isinstance(method, BentRecord):
+        part = zero if lies else one / h
+        bend = tuple(b - part * v for b, v in zip(method.bend, method.late, strict=True))
+        return BentRecord(method.turn, bend)
+    whole = lies and isinstance(method, CompositionRecord)
+    return CompositionRecord((one if whole else half, zero if whole else half), (one, None))
+
+
+def on_time(method: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+    """A particle between steps of h with the velocity of its place, of a method that `lags`."""
+    half = type_of(h, 0.5)
+    if isinstance(method, BentRecord):
+        vx, vy, vz = method.late
+        return moved_to(p, p.x, p.y, p.z, p.vx + vx, p.vy + vy, p.vz + vz, p.t)
+    if isinstance(method, CompositionRecord):
+        return kick(half, forces, p, h)
+    ux, uy, uz, known = memory
+    q = kick(half, forces, moved_to(p, p.x, p.y, p.z, ux, uy, uz, p.t), h)
+    late = known == h
+    vx, vy, vz = q.vx if late else p.vx, q.vy if late else p.vy, q.vz if late else p.vz
+    return moved_to(p, p.x, p.y, p.z, vx, vy, vz, p.t)
+
+
+def delayed(method: Any, forces: Any, q: Any, h: Any) -> Any:
+    """The opposite of `on_time`, where the method goes on without a memory."""
+    if isinstance(method, BentRecord):
+        vx, vy, vz = method.late
+        return moved_to(q, q.x, q.y, q.z, q.vx - vx, q.vy - vy, q.vz - vz, q.t)
+    return q if isinstance(method, VerletRecord) else kick(type_of(h, -0.5), forces, q, h)
+
+
+def delayed_along(method: Any, forces: Any, q: Any, h: Any) -> Any:
+    """The same of the speed alone, down to 0, for a particle that has come to lie on something."""
+    r = delayed(method, forces, q, h)
+    square = q.vx * q.vx + q.vy * q.vy + q.vz * q.vz
+    along = r.vx * q.vx + r.vy * q.vy + r.vz * q.vz
+    zero, one = square - square, type_of(h, 1)
+    k = max(along / square, zero) if square > 0 else one
+    return moved_to(q, q.x, q.y, q.z, k * q.vx, k * q.vy, k * q.vz, q.t)
 
 
 STEPS: dict[type, Callable[..., Any]] = {
