@@ -30,6 +30,7 @@ RADIUS, DENSITY, DT = 0.0015, 2500.0, 1e-5
 YOUNG, POISSON, FRICTION, RESTITUTION = 1e7, 0.3, 0.5, 0.5
 COLUMN = 40
 """Grains along the height of the box, about."""
+PRECISIONS = ("double", "single")
 WARM = 200
 """Steps before the clock starts, in which contacts get their history."""
 SETTLING = 30_000
@@ -107,14 +108,14 @@ def settled(path: Path) -> NDArray[np.float64]:
     return np.array([[float(v) for v in line.split()[4:7]] for line in lines[first : first + number]])
 
 
-def simulation(x: NDArray[np.float64], edge: float) -> Simulation:
+def simulation(x: NDArray[np.float64], edge: float, precision: str = "double") -> Simulation:
     """The same grains and walls."""
     with tempfile.TemporaryDirectory() as name:
         np.save(Path(name) / "grains.npy", x[:, [0, 2, 1]])
-        return _simulation(Path(name) / "grains.npy", edge)
+        return _simulation(Path(name) / "grains.npy", edge, precision)
 
 
-def _simulation(grains: Path, edge: float) -> Simulation:
+def _simulation(grains: Path, edge: float, precision: str) -> Simulation:
     walls = (
         ((0, 0, 0), (0, 1, 0)),
         ((0, 0, 0), (1, 0, 0)),
@@ -124,7 +125,12 @@ def _simulation(grains: Path, edge: float) -> Simulation:
     )
     scenario = ps.from_table(
         {
-            "simulation": {"duration": 1.0, "dt": DT, "integrator": "symplectic_euler"},
+            "simulation": {
+                "duration": 1.0,
+                "dt": DT,
+                "integrator": "symplectic_euler",
+                "precision": precision,
+            },
             "output": {"every": 1000},
             "particles": [
                 {
@@ -189,22 +195,27 @@ def against_lammps(number: int, rounds: int, venv: str, given: Path | None) -> N
 
 
 def against_newton(rounds: int, python: str, given: Path) -> None:
-    """CPU time for each grain and step of psim and of Newton's particles, from the same places."""
+    """CPU time for each grain and step of psim and of Newton's particles, from the same places. Newton has single precision
+    alone; psim has its turn in both."""
     x = settled(given)
     number, e_star = len(x), YOUNG / (2 * (1 - POISSON**2))
-    one = simulation(x, loose(number)[1])
-    one.advance_to(WARM)
+    edge = loose(number)[1]
+    ours = [simulation(x, edge, precision) for precision in PRECISIONS]
+    for one in ours:
+        one.advance_to(WARM)
     mass = DENSITY * 4 / 3 * np.pi * RADIUS**3
     stiffness = 4 / 3 * e_star * (RADIUS / 2 * 1e-3 * RADIUS) ** 0.5  # at an overlap of a thousandth
     with tempfile.TemporaryDirectory() as folder:
         start = {"x": x[:, [0, 2, 1]], "mass": mass, "radius": RADIUS, "friction": FRICTION}
         peer = Newton(python, "grains", f"{folder}/start.npz", DT, stiffness=stiffness, **start)
-        spent = [(timed(one, 100) / 100, peer.spent(30) / 30) for _ in range(rounds)]
+        spent = [(*(timed(one, 100) / 100 for one in ours), peer.spent(30) / 30) for _ in range(rounds)]
         peer.close()
-    mine, theirs = (min(each) / number * 1e9 for each in zip(*spent, strict=True))
-    print(
-        f"psim {mine:.0f} ns, Newton {theirs:.0f} ns for each grain and step: {theirs / mine:.2f} times as long"
-    )
+    *mine, theirs = (min(each) / number * 1e9 for each in zip(*spent, strict=True))
+    for precision, time_of_one in zip(PRECISIONS, mine, strict=True):
+        print(
+            f"psim ({precision}) {time_of_one:.0f} ns, Newton (single) {theirs:.0f} ns for each grain and step: "
+            f"{theirs / time_of_one:.2f} times as long"
+        )
 
 
 def heap(number: int) -> tuple[NDArray[np.float64], float]:

@@ -156,3 +156,28 @@ def test_rebounds_have_the_same_bits_for_any_number_of_threads(threads: int) -> 
     ends = [ps.run(scenario, threads=number).final for number in (1, threads)]
     assert np.array_equal(ends[0].velocity, ends[1].velocity)
     assert np.array_equal(ends[0].position, ends[1].position)
+
+
+@pytest.mark.parametrize("method", LEAPFROGS[::2])
+def test_hard_grains_bounce_off_walls_without_a_gain(method: str) -> None:
+    """Two that never meet, in a well, off a wall: as in the first test, where the steps of grains in hard contact have their
+    own way. The speed is changed so that energies at both ends of the step agree, which leaves h³ f v/10 as there."""
+    h, duration = 0.05, 100.0
+    x, v = way(
+        40,
+        duration,
+        h,
+        method,
+        particles=[
+            points(
+                (1, 0, 0), (1, 5, 0), velocity=[(0, 0, 0), (0, 0, 5)], mass=1.0, radius=0.01, name="grains"
+            )
+        ],
+        forces=[{"type": "point_spring", "stiffness": 1.0, "anchor": [0, 0, 0]}],
+        interactions=[{"type": "contact", "on": ["grains"], "restitution": 1}],
+        planes=[{"normal": [1, 0, 0], "point": [-0.51, 0, 0], "restitution": 1}],
+    )
+    energy = ((v**2).sum(-1) + (x**2).sum(-1)) / 2 + kept(method, h, 1.0, v, -x)
+    told = h**2 / 2 * (v**2).sum(-1).max() if method == "stormer_verlet" else 0.0
+    impacts = duration / (4 * np.pi / 3)
+    assert np.abs(energy - energy[0]).max() <= impacts * h**3 * np.sqrt(0.75) / 2 / 10 + told

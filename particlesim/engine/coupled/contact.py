@@ -78,16 +78,28 @@ def leapt(memory: Any, i: Any, p: Any, q: Any) -> Any:
     return moved_to(p, p.x, p.y, p.z, ux + ux - q.vx, uy + uy - q.vy, uz + uz - q.vz, p.t)
 
 
-def way_between(p: Any, q: Any, h: Any, even: bool) -> BentRecord:
-    """The parabola through both ends of a step with the velocity at its beginning; velocities change evenly. With `even`
-    impacts are on that through both with the same change."""
+def quick(rebounds: Any, p: Any, q: Any, h: Any) -> Any:
+    """Whether what goes from p to q in a step is too fast to lie on others."""
+    if rebounds is None or rebounds.slow is None:
+        return rebounds is not None
+    x, y, z = q.vx - p.vx, q.vy - p.vy, q.vz - p.vz
+    least = type_of(h, rebounds.slow * rebounds.slow) * (x * x + y * y + z * z)
+    return p.vx * p.vx + p.vy * p.vy + p.vz * p.vz >= least
+
+
+def lateness(way: BentRecord, h: Any, quick: Any) -> Any:
+    """What velocities on a way lack to be those of the parabola through both ends of a step with the same change of the
+    velocity; nothing for what is not `quick`."""
+    k, half = h if quick else h - h, type_of(h, 0.5)
+    return tuple(k * (b - half * a) for a, b in zip(way.turn, way.bend, strict=True))
+
+
+def way_between(p: Any, q: Any, h: Any) -> BentRecord:
+    """The parabola through both ends of a step with the velocity at its beginning; velocities change evenly."""
     k = type_of(h, 1) / h
     turn = k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz)
     bend = k * (k * (q.x - p.x) - p.vx), k * (k * (q.y - p.y) - p.vy), k * (k * (q.z - p.z) - p.vz)
-    if not even:
-        return BentRecord(turn, bend)
-    half = type_of(h, 0.5)
-    return BentRecord(turn, bend, tuple(h * (b - half * a) for a, b in zip(turn, bend, strict=True)))
+    return BentRecord(turn, bend)
 
 
 def is_deep(contacts: Any, q: Any, t: Any) -> Any:
@@ -127,11 +139,13 @@ def _collide(
             p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
                 begun = p if rebounds is None else leapt(c.memory, i, p, q)
-                way = way_between(begun, q, hi, rebounds is not None)
-                r, _, outcome, hit, exhausted, bounces = trace(way, Newtonian(), (), contacts, begun, hi, ())
-                if rebounds is not None and bounces:
-                    note_rebound(rebounds, share, i, way, q)
-                if bounces:
+                way, known = way_between(begun, q, hi), quick(rebounds, begun, q, hi)
+                late = None if rebounds is None else lateness(way, hi, known)
+                on = BentRecord(way.turn, way.bend, late)
+                r, _, outcome, hit, exhausted, bounces = trace(on, Newtonian(), (), contacts, begun, hi, ())
+                if rebounds is not None and bounces and known:
+                    note_rebound(rebounds, share, i, on, q)
+                if rebounds is None or bounces:
                     forget(c.memory, i)
                 else:
                     nudge(c.memory, i, q, r)

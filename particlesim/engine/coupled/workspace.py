@@ -70,7 +70,7 @@ class Rebounds(NamedTuple):
     Their `rows`; the state in which the step would have ended without [6, n]; the acceleration on their way, what velocities
     lack on it, and forces at the end of a step without and with [12, n]. `mean`: accelerations of all particles [3, n], for
     a leapfrog. By what parts of a step velocities are older than places: those at the end of a step, and those with which
-    one begins after contact."""
+    one begins after contact. `slow`: up to what speed particles rest, in those that forces give in a step; or None."""
 
     rows: Any
     free: Any
@@ -78,6 +78,7 @@ class Rebounds(NamedTuple):
     mean: Any
     old: Any
     begun: Any
+    slow: Any
 
 
 class Work(NamedTuple):
@@ -175,8 +176,14 @@ def scratch(
     )
 
 
-def new_rebounds(method: Method, count: int, dtype: Any) -> Rebounds | None:
-    """Room for the particles of an island that bounce; None for a method that chooses its steps, or solves for them."""
+SLOW = 4.0
+"""In units of what forces give in a step, the speed of an impact of hard grains that is one for certain: slower than 2 they
+lie on each other (`hard.turns`)."""
+
+
+def new_rebounds(method: Method, count: int, dtype: Any, *, heaps: bool) -> Rebounds | None:
+    """Room for the particles of an island that bounce; None for a method that chooses its steps, or solves for them. With
+    `heaps` particles may lie on each other, so that what is slow is at rest."""
     if method.adaptive or not isinstance(method, Composition | RungeKutta | Verlet):
         return None
     begun = 0.0
@@ -184,8 +191,9 @@ def new_rebounds(method: Method, count: int, dtype: Any) -> Rebounds | None:
         begun = 0.5 - float(np.dot(method.kicks, np.cumsum([0.0, *method.drifts[:-1]])))
     old = 0.5 if isinstance(method, Verlet) else begun
     leaps = isinstance(method, Verlet) or (isinstance(method, Composition) and len(method.kicks) <= 2)
+    slow = SLOW if heaps else None
     free, way, mean = (np.zeros((rows, count), dtype) for rows in (6, 12, 3))
-    return Rebounds(np.zeros(count, np.int64), free, way, mean if leaps else None, old, begun)
+    return Rebounds(np.zeros(count, np.int64), free, way, mean if leaps else None, old, begun, slow)
 
 
 def share_out(

@@ -67,10 +67,12 @@ class Layout:
             looks_back=looks_back,
             spins=SPIN in whole.parts,
         )
-        # Rods and hard contacts change what bounces once more.
-        alone = constraint is None and not any(isinstance(each, Impulses) for each in interactions)
-        if alone and any(map(bounces, self.parts)):
-            self.work = self.work._replace(rebounds=new_rebounds(self._method, self.count, self.dtype))
+        if constraint is None and any(map(bounces, self.parts)):  # rods change what bounces once more
+            hard = sum(isinstance(each, Impulses) for each in interactions)
+            room = new_rebounds(self._method, self.count, self.dtype, heaps=hard > 0)
+            # What falls freely, with velocities that are not late, has nothing to give.
+            if hard == 0 or hard < len(interactions) or (room is not None and room.old > 0):
+                self.work = self.work._replace(rebounds=room)
         if isinstance(self._method, GaussRadauMethod):
             self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))
         if isinstance(self._method, WisdomHolmanMethod):
