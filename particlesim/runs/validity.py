@@ -12,7 +12,7 @@ from particlesim.colliders import Collider
 from particlesim.colliders.content import files_in
 from particlesim.engine.diagnosis.crowding import crowded, crowded_births
 from particlesim.engine.diagnosis.haste import Haste, haste
-from particlesim.engine.diagnosis.overlaps import no_room, overlaps
+from particlesim.engine.diagnosis.overlaps import Caught, caught, no_room, overlaps
 from particlesim.engine.islands.base import Intrusion
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import double_advised, remedy
@@ -364,6 +364,15 @@ def exhausted(world: World) -> tuple[str, ...]:
     )
 
 
+def _caught_told(each: Caught, one: str, other: str) -> str:
+    """What is wrong where colliders close on a particle."""
+    where = f"in {one}" if one == other else f"between {one} and {other}"
+    return (
+        f"there is no room {where} for particle {each.id} of {each.group!r}, with a radius of {each.radius:.3g} m: it is "
+        f"{each.depth:.3g} m inside of {one}, and so are others that are caught there"
+    )
+
+
 class Watch:
     """Collects warnings about laws used outside of their range."""
 
@@ -372,6 +381,7 @@ class Watch:
         self._overflowed: dict[str, float] = {}
         self._coarse: dict[str, tuple[float, float, str, float]] = {}
         self._hasty: dict[str, tuple[Haste, float]] = {}
+        self._caught: dict[str, tuple[str, float]] = {}
         laws: Iterator[tuple[str, Any]] = zip(scenario.labels.forces, scenario.forces, strict=True)
         self._laws = [(label, force) for label, force in laws if force.limited()]
 
@@ -381,6 +391,10 @@ class Watch:
             self._coarse.setdefault(label, (*each, world.time))
         for label, found in haste(world).items():
             self._hasty.setdefault(label, (found, world.time))
+        for island, structure in zip(world.islands, world.graph.islands, strict=True):
+            for held in caught(island, structure, world.time) if world.time > 0 else ():
+                one, other = (_called(world, wall) for wall in held.between)
+                self._caught.setdefault(f"{held.group} {one}", (_caught_told(held, one, other), world.time))
         for label, force in self._laws:
             for group, state in zip(world.scenario.groups, world.states, strict=True):
                 if not acts_on(force, group) or not state.count:
@@ -402,6 +416,7 @@ class Watch:
             "overflowed": self._overflowed,
             "coarse": self._coarse,
             "hasty": self._hasty,
+            "caught": self._caught,
         }
 
     def restore(self, state: Mapping[str, Mapping[str, Any]]) -> None:
@@ -414,6 +429,7 @@ class Watch:
         }
 
         self._hasty = {label: (Haste(*each), time) for label, (each, time) in state.get("hasty", {}).items()}
+        self._caught = {label: (told, time) for label, (told, time) in state.get("caught", {}).items()}
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -433,10 +449,12 @@ class Watch:
             for label, (each, time) in self._hasty.items()
             if time > 0
         )
+        between = tuple(f"from t = {time:.6g} s on, {told}" for told, time in self._caught.values())
         return (
             stored
             + rounded
             + passed
+            + between
             + tuple(
                 f"{label}: {laws[label].beyond(excess, time)}"
                 for label, (excess, time) in self._largest.items()

@@ -9,6 +9,7 @@ import numpy as np
 
 from particlesim.colliders import Collider
 from particlesim.colliders.gaps import gaps_of, put_outside
+from particlesim.colliders.moving import MovingRecord
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
@@ -20,6 +21,8 @@ TOUCHING = 1e-6
 
 ROUNDS = 500
 """How often a particle is put to the surfaces of all colliders before there is taken to be no room for it."""
+CAUGHT = 1e-3
+"""Overlap with a collider, as a part of the radius, from which on a particle is inside of it."""
 PIECE = 1 << 16
 """Particles looked at together: a run needs no more memory for it."""
 
@@ -34,9 +37,9 @@ class Overlap(NamedTuple):
     depth: float
 
 
-def overlaps(island: BaseIsland, structure: Island) -> Iterator[Overlap]:
-    """Groups of an island that are inside of colliders they bounce from. Backdrops, which never move, are left out; rigid
-    bodies know themselves where they are inside (`RigidIsland.intrusions`)."""
+def overlaps(island: BaseIsland, structure: Island, time: float = 0.0) -> Iterator[Overlap]:
+    """Groups of an island that are inside of colliders they bounce from at a time [s]. Backdrops, which never move, are left
+    out; rigid bodies know themselves where they are inside (`RigidIsland.intrusions`)."""
     if structure.rigid:
         return
     for state, group, colliders in zip(island.states, structure.groups, structure.colliders, strict=True):
@@ -45,12 +48,14 @@ def overlaps(island: BaseIsland, structure: Island) -> Iterator[Overlap]:
         farthest = max(float(state.position.max()), -float(state.position.min()))
         for collider in colliders:
             if collider.contact == "bounce":
-                found = _overlap(state, collider, TOUCHING * farthest)
+                found = _overlap(state, collider, TOUCHING * farthest, time)
                 if found.number:
                     yield found
 
 
-def no_room(overlap: Overlap, others: Sequence[Collider]) -> tuple[Collider, Collider] | None:
+def no_room(
+    overlap: Overlap, others: Sequence[Collider], time: float = 0.0
+) -> tuple[Collider, Collider] | None:
     """Two colliders between which the deepest particle does not fit; None where a position for it is found. It is moved to
     the surface of each, one after the other, again and again. If it fits and they are convex, that converges (L. M. Bregman,
     Sov. Math. Dokl. 6, 688 (1965)); if it does not fit, it alternates.
@@ -63,24 +68,56 @@ def no_room(overlap: Overlap, others: Sequence[Collider]) -> tuple[Collider, Col
         inside = []
         for each in others:
             depth = np.empty(1)
-            gaps_of(each.body(), x[:, 0], x[:, 1], x[:, 2], radius, 0.0, depth)
+            gaps_of(each.body(), x[:, 0], x[:, 1], x[:, 2], radius, time, depth)
             if depth[0] < -margin:
                 inside.append(each)
-                put_outside(each.body(), x, radius, np.ones(1, np.int64), 0.0)
+                put_outside(each.body(), x, radius, np.ones(1, np.int64), time)
         if not inside:
             return None
     return inside[0], inside[-1]
 
 
-def _overlap(state: GroupState, collider: Collider, margin: float) -> Overlap:
-    """How a group lies to a collider; up to `margin` [m] particles only touch it."""
+class Caught(NamedTuple):
+    """A particle, by its group, id and radius [m], that is `depth` [m] inside of the first of two colliders, which leave no
+    room for it between them."""
+
+    group: str
+    id: int
+    radius: float
+    depth: float
+    between: tuple[Collider, Collider]
+
+
+def caught(island: BaseIsland, structure: Island, time: float) -> Iterator[Caught]:
+    """For each group of an island, and each collider that moves, the deepest of its particles if there is no room for it."""
+    if not any(
+        isinstance(each.body(), MovingRecord) for colliders in structure.colliders for each in colliders
+    ):
+        return
+    for overlap in overlaps(island, structure, time):
+        state, row = overlap.state, overlap.deepest
+        radius = float(state.radius[row])
+        number = island.states.index(state)
+        soft = structure.touched_softly(structure.groups[number].name)
+        walls = [each for each in structure.colliders[number] if each.contact == "bounce"]
+        yields = any(each.recovery is not None for each in walls)
+        if soft or yields or overlap.depth <= CAUGHT * radius:
+            continue
+        if (found := no_room(overlap, walls, time)) is not None:
+            one = overlap.collider
+            other = next((each for each in found if each is not one), one)
+            yield Caught(state.name, int(state.id[row]), radius, overlap.depth, (one, other))
+
+
+def _overlap(state: GroupState, collider: Collider, margin: float, time: float) -> Overlap:
+    """How a group lies to a collider at a time [s]; up to `margin` [m] particles only touch it."""
     shape = collider.body()
     number, deepest, most = 0, 0, -np.inf
     for first in range(0, state.count, PIECE):
         part = slice(first, min(first + PIECE, state.count))
         x, y, z, radius = (column[part].astype(float) for column in (*state.x, state.radius))
         depth = np.empty(x.size)
-        gaps_of(shape, x, y, z, radius, 0.0, depth)
+        gaps_of(shape, x, y, z, radius, time, depth)
         depth *= -1
         number += int((depth > margin).sum())
         row = int(depth.argmax())
