@@ -217,6 +217,9 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
                 touches = gap(_facet(c, p, close, k, u), p)
                 if (dot(u, n) > STRAIGHT) & (touches <= lift):
                     other, n, start, g = _facet(c, p, close, k, u), u, touches, k
+            if (not both) & (start <= lift) & (dot(n, up) > STRAIGHT):
+                r = _along_bend(c, r)  # the same, which is curved: others may press where it leads to
+                continue
             # What has hopped from one to the other, ever sooner, is at both of them.
             approach = -h * dot(n, (p.vx, p.vy, p.vz))
             if start > max(lift, type_of(h, SOON) * approach if sure else lift):
@@ -255,6 +258,20 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             leaves = both & (free > 0) & (turn >= 1) & (g > lift)
             rests = ((free > 0) & (turn < 1)) | whole if both | sure else whole
     return rests, r, turn, leaves
+
+
+def _along_bend(c: Any, r: Any) -> Any:
+    """The end of a glide along a part that is curved, put back on it; its velocity turns with it."""
+    g, u = gap_and_normal(c, r)
+    v, none = (r.vx, r.vy, r.vz), g - g
+    into, size = dot(v, u), np.sqrt(dot(v, v))
+    along = tuple(axis - into * n for axis, n in zip(v, u, strict=True))
+    left = np.sqrt(dot(along, along))
+    if c.response.friction is not None:
+        size = max(size + c.response.friction.kinetic * min(into, none), none)
+    k = size / left if left > 0 else none
+    place = tuple(x - g * n for x, n in zip((r.x, r.y, r.z), u, strict=True))
+    return at_place(r, place, tuple(k * axis for axis in along))
 
 
 def _around_bend(c: Any, r: Any, n: Any, m: Any, slack: Any) -> Any:

@@ -27,11 +27,12 @@ import numpy as np
 
 from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord
-from particlesim.colliders.response import crossable
+from particlesim.colliders.response import along, crossable
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import (
     ALONG_AXES,
+    Careful,
     Simple,
     ahead,
     coarse,
@@ -62,14 +63,16 @@ from particlesim.engine.step.particle_step import (
     restart,
 )
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
-from particlesim.engine.step.resting import stays
-from particlesim.laws.registry import PASS, moved_to
+from particlesim.engine.step.resting import NOISE, stays
+from particlesim.laws.registry import PASS, gap_and_normal, moved_to
 
 MAX_IMPACTS = 1024
 """Impacts followed within one step; a particle with more is counted, and finishes the step without rebound. A bound on the
 work: a fast particle in a narrow place may have hundreds, and bounces that die out (Zeno) end by `MAX_STALLS`."""
 MAX_STALLS = 2
 """Impacts in a row that take no time, or lie no further apart than rounding, before a particle counts as resting."""
+EXACT = 2.0**-48
+"""The tolerance of contacts in double precision (`records.CONTACT_TOLERANCE`)."""
 SAME = 1 - 1e-6
 """The part of a step at the end of which a particle turns around counts as the whole step beyond this."""
 MAX_SWEEPS = 8
@@ -349,14 +352,55 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
     if not coarse(contacts.tolerance):
         return _trace(method, dynamics, forces, contacts, p, h, memory)
     # Impacts are between the places that single precision knows: rounded to one of them, each would gain or lose energy.
+    # Only the beginning has been rounded: from what it touches but for that, all is as exact as in double precision.
     fine = type(p)(*(each if each is None else np.float64(each) for each in p))
     known = tuple(np.float64(each) for each in memory)
-    q, after, outcome, hit, exhausted, bounces = _trace(
-        method, dynamics, forces, contacts, fine, np.float64(h), known
-    )
+    if any(isinstance(c.shape, MovingRecord) for c in contacts.continuous):
+        q, after, outcome, hit, exhausted, bounces = _trace(
+            method, dynamics, forces, contacts, fine, np.float64(h), known
+        )
+    else:
+        exact = Careful(
+            contacts.continuous,
+            contacts.resting,
+            contacts.discrete,
+            np.float64(EXACT),
+            np.float64(contacts.reach),
+            contacts.one_by_one,
+            contacts.soft,
+            contacts.sized_by,
+        )
+        begun = _put_on(method, dynamics, forces, contacts, fine, np.float64(h), known)
+        q, after, outcome, hit, exhausted, bounces = _trace(
+            method, dynamics, forces, exact, begun, np.float64(h), known
+        )
     x, y, z, vx, vy, vz = (type_of(p.x, each) for each in q[:6])
     coarsened = tuple(type_of(p.x, each) for each in after)
     return moved_to(p, x, y, z, vx, vy, vz, q.t), coarsened, outcome, hit, exhausted, bounces
+
+
+@outlined
+def _put_on(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
+    """A particle whose place has been rounded, on the colliders that it touches but for that; with the same energy, if it
+    does not lie there."""
+    slack, half = rounding(contacts, p), type_of(h, 0.5)
+    q, _ = advance(method, dynamics, forces, p, h, memory)
+    change = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
+    for c in contacts.continuous + contacts.continuous:
+        g, axes = gap_and_normal(c, p)
+        zero = g - g
+        n = tuple(zero if axis is None else axis for axis in axes)
+        own, push = along(n, p), n[0] * change[0] + n[1] * change[1] + n[2] * change[2]
+        near = (abs(g) <= slack) & ((g < 0) | (abs(own) * h <= slack))
+        noise = abs(own) <= type_of(h, NOISE) * (abs(p.vx) + abs(p.vy) + abs(p.vz))
+        speed = np.sqrt(max(own * own - 2 * push * g / h, zero))
+        quick = abs(own) > half * abs(push)
+        speed = (speed if own > 0 else -speed) if quick else own
+        s, u = g if near else zero, (own if noise else own - speed) if near else zero
+        x, y, z = (x - s * axis for x, axis in zip((p.x, p.y, p.z), n, strict=True))
+        vx, vy, vz = (v - u * axis for v, axis in zip((p.vx, p.vy, p.vz), n, strict=True))
+        p = moved_to(p, x, y, z, vx, vy, vz, p.t)
+    return p
 
 
 @outlined

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord, alight_after, ride, ride_until
 from particlesim.colliders.response import at_rest
 from particlesim.engine.state.columns import chosen, type_of
+from particlesim.engine.step.contacts import SHALLOW, coarse
 from particlesim.engine.step.creases import crept, free_part, no_faster
 from particlesim.engine.step.resting import held, lies, touched
 from particlesim.laws.registry import gap
@@ -41,7 +44,11 @@ def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, s
     if dented(c.shape):
         free = free_part(c, here, p, r, touch.up, touch.normal, h, slack)
         lain, turn = free > 0, min(turn, free)
-        if (touch.start <= slack) & ((not lain) | (gap(c, r) < -slack)):
+        if coarse(tolerance) and isinstance(p.x, np.float32):
+            lain = lain & (
+                gap(c, r) >= type_of(h, -SHALLOW) * slack
+            )  # else `trace` looks, in double precision
+        elif (touch.start <= slack) & ((not lain) | (gap(c, r) < -slack)):
             rests, end, bend, leaves = crept(c, p, q, h, tolerance, slack, sure)
             if rests:
                 lain, r, turn = True, end, bend
