@@ -132,7 +132,11 @@ def energies_of_pairs(method: str, ratio: float, restitution: float, duration: f
 
 
 @pytest.mark.parametrize(
-    ("method", "ratio"), [*((each, 0.2) for each in [*LEAPFROGS, "rk4"]), ("velocity_verlet", 0.8)]
+    ("method", "ratio"),
+    [
+        *((each, 0.2) for each in [*LEAPFROGS, "rk4", "rk45", "ias15", "implicit_midpoint"]),
+        ("velocity_verlet", 0.8),
+    ],
 )
 def test_elastic_impacts_of_beads_on_springs_give_no_energy(method: str, ratio: float) -> None:
     """Each had given k v² h²/6 in the mean, of m v²/2: (ω h)²/6, and symplectic Euler h v f. In 5 s a bead of a pair has 10

@@ -15,6 +15,7 @@ from particlesim.compiler import kernel
 from particlesim.compiler.barrier import meet
 from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.kernel import displace, end_interval, find_slopes, restore, save
+from particlesim.engine.coupled.rebounds import settle_rebounds
 from particlesim.engine.interactions.bonds import break_bonds
 from particlesim.engine.state.columns import block_of, in_step, span, type_of
 from particlesim.engine.step.particle_step import Rate
@@ -159,7 +160,9 @@ def land(
 ) -> None:
     """The end of a step: contacts and breaking bonds; without any, its last slopes are the first of the next."""
     if disturbed:
-        collide(parts, c, work.before, share, t, end, h)
+        collide(parts, c, work.before, share, t, end, h, work.rebounds)
+        if work.rebounds is not None:
+            settle_rebounds(parts, bonds, c, work, share, t, end, h)
         meet(share.gate, share.threads)
         break_bonds(bonds, c, share, end)
         return

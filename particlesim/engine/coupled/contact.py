@@ -26,10 +26,9 @@ def forget(memory: Any, i: Any) -> None:
 def nudge(memory: Any, i: Any, q: Any, r: Any) -> None:
     """Let the method's memory of particle i know that it lies on something, and ends its step with the velocity of r instead
     of that of q. Where it began again in each step, swings along a surface would grow."""
-    if len(memory) > 0:
-        memory[0][i] += r.vx - q.vx
-        memory[1][i] += r.vy - q.vy
-        memory[2][i] += r.vz - q.vz
+    memory[0][i] += r.vx - q.vx
+    memory[1][i] += r.vy - q.vy
+    memory[2][i] += r.vz - q.vz
 
 
 def collide(
@@ -41,6 +40,8 @@ def collide(
     to where its method has led it. With another path, particles that lie on a collider would oscillate with growing
     amplitude.
     """
+    if rebounds is not None:
+        share.struck[8 * share.number] = 0
     for part in parts:
         hard = not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
         if hard or len(part.contacts.soft) > 0:
@@ -70,10 +71,8 @@ def came_from(before: Any, i: Any, q: Any, begin: Any, h: Any, soft: Any) -> Any
 
 
 def leapt(memory: Any, i: Any, p: Any, q: Any) -> Any:
-    """The beginning p of a step to q with the velocity that its method has begun with: Störmer's rule knows that in the
-    middle of the step."""
-    if len(memory) == 0:
-        return p
+    """The beginning p of a step to q with the velocity that its method has begun with, where it remembers that in the middle
+    of the step."""
     ux, uy, uz = memory[0][i], memory[1][i], memory[2][i]
     return moved_to(p, p.x, p.y, p.z, ux + ux - q.vx, uy + uy - q.vy, uz + uz - q.vz, p.t)
 
@@ -138,17 +137,18 @@ def _collide(
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
             p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
-                begun = p if rebounds is None else leapt(c.memory, i, p, q)
+                leaps = rebounds is not None and rebounds.between is not None
+                begun = leapt(c.memory, i, p, q) if leaps else p
                 way, known = way_between(begun, q, hi), quick(rebounds, begun, q, hi)
                 late = None if rebounds is None else lateness(way, hi, known)
                 on = BentRecord(way.turn, way.bend, late)
                 r, _, outcome, hit, exhausted, bounces = trace(on, Newtonian(), (), contacts, begun, hi, ())
                 if rebounds is not None and bounces and known:
                     note_rebound(rebounds, share, i, on, q)
-                if rebounds is None or bounces:
-                    forget(c.memory, i)
-                else:
+                if leaps and not bounces:
                     nudge(c.memory, i, q, r)
+                else:
+                    forget(c.memory, i)
                 tell(c.hit, i, hit)
                 tire(c, i, exhausted)
             else:

@@ -20,6 +20,7 @@ from particlesim.engine.coupled.adaptive import after, give_up, next_event, wors
 from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.forces import evaluate
 from particlesim.engine.coupled.kernel import end_interval, restore, save
+from particlesim.engine.coupled.rebounds import settle_rebounds
 from particlesim.engine.interactions.bonds import break_bonds
 from particlesim.engine.state.columns import block_of, in_step, rests, type_of
 from particlesim.engine.step.step_size import MOST_STEPS, NOT_FINITE, RESOLVED, TOO_MANY, TOO_SHORT
@@ -413,7 +414,10 @@ def step_island_gauss_radau(
                     return s
             arrive(method, q, work, first, last, taken)
             if pace.disturbed:
-                collide(parts, c, work.before, share, now, then, type_of(c.x[0], taken))
+                length = type_of(c.x[0], taken)
+                collide(parts, c, work.before, share, now, then, length, work.rebounds)
+                if work.rebounds is not None:
+                    settle_rebounds(parts, bonds, c, work, share, now, then, length)
                 meet(share.gate, share.threads)
                 break_bonds(bonds, c, share, then)
             meet(share.gate, share.threads)

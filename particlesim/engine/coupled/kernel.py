@@ -253,7 +253,6 @@ def begin_step(c: Any, work: Any, share: Any) -> None:
     """Keep the state at the beginning of a step."""
     keep_beginning(work.before, c, share)
     share.wild[8 * share.number] = 0
-    share.struck[8 * share.number] = 0
 
 
 def end_step(

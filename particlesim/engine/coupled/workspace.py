@@ -13,6 +13,7 @@ from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.state.prescribed import Driven
 from particlesim.integrators.adaptive import EmbeddedRungeKutta
 from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
+from particlesim.integrators.implicit import ImplicitMethod
 from particlesim.integrators.whfast import WisdomHolmanMethod
 
 
@@ -70,7 +71,8 @@ class Rebounds(NamedTuple):
     Their `rows`; the state in which the step would have ended without [6, n]; the acceleration on their way, what velocities
     lack on it, and forces at the end of a step without and with [12, n]. `mean`: accelerations of all particles [3, n], for
     a leapfrog. By what parts of a step velocities are older than places: those at the end of a step, and those with which
-    one begins after contact. `slow`: up to what speed particles rest, in those that forces give in a step; or None."""
+    one begins after contact. `slow`: up to what speed particles rest, in those that forces give in a step; or None.
+    `between`: an empty tuple where the method remembers velocities between places, else None."""
 
     rows: Any
     free: Any
@@ -79,6 +81,7 @@ class Rebounds(NamedTuple):
     old: Any
     begun: Any
     slow: Any
+    between: Any
 
 
 class Work(NamedTuple):
@@ -182,18 +185,20 @@ lie on each other (`hard.turns`)."""
 
 
 def new_rebounds(method: Method, count: int, dtype: Any, *, heaps: bool) -> Rebounds | None:
-    """Room for the particles of an island that bounce; None for a method that chooses its steps, or solves for them. With
+    """Room for the particles of an island that bounce; None for a method that damps by itself, or follows orbits. With
     `heaps` particles may lie on each other, so that what is slow is at rest."""
-    if method.adaptive or not isinstance(method, Composition | RungeKutta | Verlet):
+    if isinstance(method, WisdomHolmanMethod) or (
+        isinstance(method, ImplicitMethod) and not method.reversible
+    ):
         return None
     begun = 0.0
     if isinstance(method, Composition):
         begun = 0.5 - float(np.dot(method.kicks, np.cumsum([0.0, *method.drifts[:-1]])))
     old = 0.5 if isinstance(method, Verlet) else begun
     leaps = isinstance(method, Verlet) or (isinstance(method, Composition) and len(method.kicks) <= 2)
-    slow = SLOW if heaps else None
+    slow, between = SLOW if heaps else None, () if isinstance(method, Verlet) else None
     free, way, mean = (np.zeros((rows, count), dtype) for rows in (6, 12, 3))
-    return Rebounds(np.zeros(count, np.int64), free, way, mean if leaps else None, old, begun, slow)
+    return Rebounds(np.zeros(count, np.int64), free, way, mean if leaps else None, old, begun, slow, between)
 
 
 def share_out(
