@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -368,8 +369,8 @@ def _caught_told(each: Caught, one: str, other: str) -> str:
     """What is wrong where colliders close on a particle."""
     where = f"in {one}" if one == other else f"between {one} and {other}"
     return (
-        f"there is no room {where} for particle {each.id} of {each.group!r}, with a radius of {each.radius:.3g} m: it is "
-        f"{each.depth:.3g} m inside of {one}, and so are others that are caught there"
+        f"there is no room {where} for particle {each.id} of {each.group!r}, with a radius of {each.radius:.3g} m, which is "
+        f"{each.depth:.3g} m inside of {one} there"
     )
 
 
@@ -381,7 +382,7 @@ class Watch:
         self._overflowed: dict[str, float] = {}
         self._coarse: dict[str, tuple[float, float, str, float]] = {}
         self._hasty: dict[str, tuple[Haste, float]] = {}
-        self._caught: dict[str, tuple[str, float]] = {}
+        self._caught: dict[str, tuple[str, str, str, str, float]] = {}
         laws: Iterator[tuple[str, Any]] = zip(scenario.labels.forces, scenario.forces, strict=True)
         self._laws = [(label, force) for label, force in laws if force.limited()]
 
@@ -392,9 +393,10 @@ class Watch:
         for label, found in haste(world).items():
             self._hasty.setdefault(label, (found, world.time))
         for island, structure in zip(world.islands, world.graph.islands, strict=True):
-            for held in caught(island, structure, world.time) if world.time > 0 else ():
+            for held in caught(island, structure, world.time, partial(self._told, world)):
                 one, other = (_called(world, wall) for wall in held.between)
-                self._caught.setdefault(f"{held.group} {one}", (_caught_told(held, one, other), world.time))
+                told = _caught_told(held, one, other), held.group, one, other, world.time
+                self._caught[f"{held.group} {one} {other}"] = told
         for label, force in self._laws:
             for group, state in zip(world.scenario.groups, world.states, strict=True):
                 if not acts_on(force, group) or not state.count:
@@ -404,6 +406,13 @@ class Watch:
                     excess = force.excess(state.particle(int(i), world.time))
                     if excess > max(1.0, self._largest.get(label, (0.0, 0.0))[0]):
                         self._largest[label] = (excess, world.time)
+
+    def _told(self, world: World, group: str, collider: Collider) -> bool:
+        """Whether it is known that a collider leaves particles of a group no room; at the start that is told before."""
+        if world.time == 0:
+            return True
+        name = _called(world, collider)
+        return any(group == each and name in (one, other) for _, each, one, other, _ in self._caught.values())
 
     def overflowed(self, field: str, time: float) -> None:
         """Take note of a field that the trajectory stores as infinite at a time [s], though it is not."""
@@ -429,7 +438,7 @@ class Watch:
         }
 
         self._hasty = {label: (Haste(*each), time) for label, (each, time) in state.get("hasty", {}).items()}
-        self._caught = {label: (told, time) for label, (told, time) in state.get("caught", {}).items()}
+        self._caught = {label: tuple(told) for label, told in state.get("caught", {}).items()}
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -449,7 +458,9 @@ class Watch:
             for label, (each, time) in self._hasty.items()
             if time > 0
         )
-        between = tuple(f"from t = {time:.6g} s on, {told}" for told, time in self._caught.values())
+        between = tuple(
+            f"in the frame at t = {time:.6g} s {told}" for told, *_, time in self._caught.values()
+        )
         return (
             stored
             + rounded

@@ -281,18 +281,21 @@ def test_gravity_is_what_it_was() -> None:
 )
 def test_what_closes_on_particles_is_told_with_who_and_when(floor: dict[str, Any]) -> None:
     # The box, whose lower side is at 1 − t, leaves no room for balls of 0.1 m from t = 0.8 s on; that at 3 m is beside it.
-    def warnings(end: float) -> list[str]:
+    def warnings(end: float, contact: str = "bounce") -> list[str]:
         ended = simulate(
             end,
             0.01,
             particles=[points((0, 0.1, 0), (0.2, 0.3, 0), (3, 0.1, 0), radius=0.1, name="balls")],
-            colliders=[box(center=[0, 1.5, 0], restitution=0), floor],
+            colliders=[
+                {"contact": contact, **each} for each in (box(center=[0, 1.5, 0]), {**floor, "friction": 0.1})
+            ],
             motions=[{"collider": "piston", "path": ["x", "y - t", "z"]}],
             output={"every": 1, "ledger": False},
         )
         return [text for text in ended.warnings if "no room" in text and "balls" in text]
 
     (text,) = warnings(0.95)
-    assert text.startswith("from t = 0.81 s on, there is no room between box piston and")
-    assert "of 'balls', with a radius of 0.1 m: it is 0.01 m inside of box piston" in text
+    assert text.startswith("in the frame at t = 0.81 s there is no room between box piston and")
+    assert "of 'balls', with a radius of 0.1 m, which is 0.01 m inside of box piston there" in text
     assert not warnings(0.79)
+    assert warnings(0.95, "slide")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,8 @@ TOUCHING = 1e-6
 
 ROUNDS = 500
 """How often a particle is put to the surfaces of all colliders before there is taken to be no room for it."""
+HARD = ("bounce", "slide")
+"""Contacts that keep particles outside."""
 CAUGHT = 1e-3
 """Overlap with a collider, as a part of the radius, from which on a particle is inside of it."""
 PIECE = 1 << 16
@@ -37,9 +39,11 @@ class Overlap(NamedTuple):
     depth: float
 
 
-def overlaps(island: BaseIsland, structure: Island, time: float = 0.0) -> Iterator[Overlap]:
-    """Groups of an island that are inside of colliders they bounce from at a time [s]. Backdrops, which never move, are left
-    out; rigid bodies know themselves where they are inside (`RigidIsland.intrusions`)."""
+def overlaps(
+    island: BaseIsland, structure: Island, time: float = 0.0, contacts: Sequence[str] = ("bounce",)
+) -> Iterator[Overlap]:
+    """Groups of an island that are inside of colliders with some kinds of contact at a time [s]. Backdrops, which never
+    move, are left out; rigid bodies know themselves where they are inside (`RigidIsland.intrusions`)."""
     if structure.rigid:
         return
     for state, group, colliders in zip(island.states, structure.groups, structure.colliders, strict=True):
@@ -47,7 +51,7 @@ def overlaps(island: BaseIsland, structure: Island, time: float = 0.0) -> Iterat
             continue
         farthest = max(float(state.position.max()), -float(state.position.min()))
         for collider in colliders:
-            if collider.contact == "bounce":
+            if collider.contact in contacts:
                 found = _overlap(state, collider, TOUCHING * farthest, time)
                 if found.number:
                     yield found
@@ -88,20 +92,23 @@ class Caught(NamedTuple):
     between: tuple[Collider, Collider]
 
 
-def caught(island: BaseIsland, structure: Island, time: float) -> Iterator[Caught]:
-    """For each group of an island, and each collider that moves, the deepest of its particles if there is no room for it."""
+def caught(
+    island: BaseIsland, structure: Island, time: float, known: Callable[[str, Collider], bool]
+) -> Iterator[Caught]:
+    """For each group of an island some of whose colliders move, and each of its colliders, the deepest particle if there is
+    no room for it; not for groups and colliders that are `known`."""
     if not any(
         isinstance(each.body(), MovingRecord) for colliders in structure.colliders for each in colliders
     ):
         return
-    for overlap in overlaps(island, structure, time):
+    for overlap in overlaps(island, structure, time, HARD):
         state, row = overlap.state, overlap.deepest
         radius = float(state.radius[row])
         number = island.states.index(state)
         soft = structure.touched_softly(structure.groups[number].name)
-        walls = [each for each in structure.colliders[number] if each.contact == "bounce"]
+        walls = [each for each in structure.colliders[number] if each.contact in HARD]
         yields = any(each.recovery is not None for each in walls)
-        if soft or yields or overlap.depth <= CAUGHT * radius:
+        if soft or yields or overlap.depth <= CAUGHT * radius or known(state.name, overlap.collider):
             continue
         if (found := no_room(overlap, walls, time)) is not None:
             one = overlap.collider

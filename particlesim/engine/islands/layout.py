@@ -23,6 +23,7 @@ from particlesim.engine.step.records import as_precision, contacts_record, dynam
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group
 from particlesim.integrators import GaussRadauMethod, ImplicitMethod, WisdomHolmanMethod
+from particlesim.integrators.base import Verlet
 from particlesim.model.arrays import Floats
 
 Interactions = tuple[Any, ...]
@@ -67,7 +68,9 @@ class Layout:
             looks_back=looks_back,
             spins=SPIN in whole.parts,
         )
-        if constraint is None and any(map(bounces, self.parts)):  # rods change what bounces once more
+        # Rods change what bounces once more; Störmer's rule has to know of what lies on something, too.
+        touches = meets if isinstance(self._method, Verlet) else bounces
+        if constraint is None and any(map(touches, self.parts)):
             hard = sum(isinstance(each, Impulses) for each in interactions)
             room = new_rebounds(self._method, self.count, self.dtype, heaps=hard > 0)
             # What falls freely, with velocities that are not late, has nothing to give.
@@ -156,6 +159,12 @@ class Layout:
             order = order_of(tables, share.first, share.last, chunk, chunks, wait=bool(share.elements))
             found.append((mine, _own(self.work, share, forms, self.dtype), share._replace(order=order)))
         return found
+
+
+def meets(part: Part) -> bool:
+    """Whether particles of a group meet colliders at the time of impact."""
+    contacts: Any = part.contacts
+    return not isinstance(contacts, Simple) and len(contacts.continuous) > 0
 
 
 def bounces(part: Part) -> bool:

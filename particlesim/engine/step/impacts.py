@@ -73,6 +73,8 @@ MAX_STALLS = 2
 """Impacts in a row that take no time, or lie no further apart than rounding, before a particle counts as resting."""
 EXACT = 2.0**-48
 """The tolerance of contacts in double precision (`records.CONTACT_TOLERANCE`)."""
+BRIEF = 16
+"""Hops that last less than this part of a step (1 over it) count as rest: forces give as much speed in half of that."""
 SAME = 1 - 1e-6
 """The part of a step at the end of which a particle turns around counts as the whole step beyond this."""
 MAX_SWEEPS = 8
@@ -415,8 +417,11 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
         _, on, _ = _settled(contacts.resting, p, free, h, contacts.tolerance, slack, False)
         lies = any(on)
         begun = p if lies else on_time(method, forces, p, h, memory)
+        # On what is elastic hops that are shorter than the step would not end.
+        elastic = [here & (c.response.bounce >= 2) for here, c in zip(on, contacts.continuous, strict=True)]
+        calm = SURE if any(elastic) else CALM
         q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
-            centred(method, h, lies), dynamics, forces, contacts, begun, h, restart(memory)
+            centred(method, h, lies), dynamics, forces, contacts, begun, h, restart(memory), calm
         )
         if alone and not lies:
             q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
@@ -427,7 +432,7 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
         bounces = ends == FLYING and not (alone or lies)
     else:
         q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
-            method, dynamics, forces, contacts, p, h, memory
+            method, dynamics, forces, contacts, p, h, memory, CALM
         )
         bounces = ends == FLYING and not alone
     if outcome == PASS and nearest(contacts.discrete, q) < 0:
@@ -439,7 +444,9 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
 
 
 @outlined
-def _follow(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
+def _follow(
+    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
+) -> Any:
     """The way of a particle with continuous colliders: what `trace` tells, a place out of all of these, how it ends the
     step, and whether it has met nothing."""
     left, half = h, type_of(h, 0.5)
@@ -451,7 +458,6 @@ def _follow(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: A
     exhausted = False
     stalls = 0
     early = False
-    calm = CALM
     begun = p
     p, outcome = _separate(contacts.continuous, p, p, contacts)
     put_out = (p.x != begun.x) | (p.y != begun.y) | (p.z != begun.z)
@@ -460,9 +466,11 @@ def _follow(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: A
     if cramped:
         impacts = MAX_IMPACTS  # it finds no room, and would bounce as often as it may
     legal = p
+    q, _ = advance(method, dynamics, forces, p, h, memory)
+    push = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
+    force = np.sqrt(push[0] * push[0] + push[1] * push[1] + push[2] * push[2]) / h
     if may_hold(contacts.continuous):
-        q, _ = advance(method, dynamics, forces, p, h, memory)
-        push, parts = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz), no_parts(h)
+        parts = no_parts(h)
     while outcome == PASS:
         if may_hold(contacts.continuous):
             parts = with_part(parts, contacts.continuous, p)
@@ -525,7 +533,10 @@ def _follow(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: A
             tau = _time_of_impact(method, dynamics, forces, contacts, p, late, memory, how)
         # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
         top, _, on, _ = _glide(method, dynamics, forces, contacts, p, half * tau, memory, how)
-        low = ahead(contacts, on, top) <= rounding(contacts, p)
+        height = ahead(contacts, on, top)
+        low = height <= rounding(contacts, p)
+        # So are hops that forces end soon, twice as high as by these at most: those on what is elastic have no end.
+        low |= (type_of(h, BRIEF) * tau < h) & (height <= type_of(h, 0.25) * force * tau * tau)
         stalls = stalls + 1 if low or tau < h / 1048576 else 0
         impacts += 1
         if exact:
