@@ -384,3 +384,29 @@ def test_grains_in_the_tip_of_a_cone_stay_outside_of_it() -> None:
         gap = (y * slope - np.hypot(x, z)) / np.hypot(slope, 1) - r
         assert gap.min() > -2e-9 * r
     simulation.close()
+
+
+def test_grains_that_are_crushed_stay_where_they_are() -> None:
+    # Two layers under a lid that comes down to where two do not fit. Impulses that only push against each other have no
+    # bounds: places had been 1e15 m away.
+    cells = np.stack(np.meshgrid(*[np.arange(2)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    places = [-0.051, 0.06, -0.051] + 0.102 * cells
+    lid = {"type": "box", "name": "lid", "size": [0.21, 0.2, 0.21], "center": [0, 1.2, 0]}
+    walls = {"type": "box", "name": "walls", "inside": True, "size": [0.22, 2, 0.22], "center": [0, 1, 0]}
+    scenario = table(
+        1.2,
+        2e-3,
+        "symplectic_euler",
+        particles=[points(*places.tolist(), radius=0.05, mass=0.5, name="grains")],
+        forces=[{"type": "gravity"}],
+        interactions=[{"type": "contact", "on": ["grains"], "restitution": 0.5, "friction": 0.3}],
+        colliders=[walls, lid],
+        motions=[{"collider": "lid", "path": ["x", "y - 0.97*min(t, 1)", "z"]}],
+    )
+    simulation = Simulation(ps.from_table(scenario), threads=1)
+    for step in range(440, 601):
+        simulation.advance_to(step)
+        (state,) = simulation.states
+        assert np.abs(state.x[:, : state.count]).max() < 0.3
+        assert np.abs(state.v[:, : state.count]).max() < 10
+    simulation.close()

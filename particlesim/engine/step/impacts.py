@@ -57,10 +57,10 @@ from particlesim.engine.step.particle_step import (
     advance,
     centred,
     delayed,
-    delayed_along,
     lags,
     on_time,
     restart,
+    slowed,
 )
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
 from particlesim.engine.step.resting import NOISE, stays
@@ -75,6 +75,8 @@ EXACT = 2.0**-48
 """The tolerance of contacts in double precision (`records.CONTACT_TOLERANCE`)."""
 BRIEF = 16
 """Hops that last less than this part of a step (1 over it) count as rest: forces give as much speed in half of that."""
+BOUNCY = 1.8
+"""1 + e from which on they do: with less restitution they end soon."""
 SAME = 1 - 1e-6
 """The part of a step at the end of which a particle turns around counts as the whole step beyond this."""
 MAX_SWEEPS = 8
@@ -180,12 +182,17 @@ def _settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any,
 
 
 @outlined
+def _step(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+    return advance(method, dynamics, forces, p, h, memory)
+
+
+@outlined
 def _glide(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
 ) -> Any:
     """The way of a particle for a time h as if it met nothing new: free, or, where it is `calm`, on the colliders that it
     lies on. Returns the particle, the method's memory, on which it lies, and the part of h after which it turns around."""
-    q, memory = advance(method, dynamics, forces, p, h, memory)
+    q, memory = _step(method, dynamics, forces, p, h, memory)
     on, turn = nowhere(contacts.continuous), type_of(h, 1)
     if calm > LIVELY:
         slack, sure = rounding_of_step(contacts, p, q, h), calm == SURE
@@ -386,7 +393,7 @@ def _put_on(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: A
     """A particle whose place has been rounded, on the colliders that it touches but for that; with the same energy, if it
     does not lie there."""
     slack, half = rounding(contacts, p), type_of(h, 0.5)
-    q, _ = advance(method, dynamics, forces, p, h, memory)
+    q, _ = _step(method, dynamics, forces, p, h, memory)
     change = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
     for c in contacts.continuous + contacts.continuous:
         g, axes = gap_and_normal(c, p)
@@ -412,7 +419,7 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
         q, after = advance(method, dynamics, forces, p, h, memory)
         legal, outcome, hit, exhausted, bounces = p, PASS, silence(contacts.discrete, p), False, False
     elif lags(method):
-        free, _ = advance(centred(method, h, True), dynamics, forces, p, h, restart(memory))
+        free, _ = _step(centred(method, h, True), dynamics, forces, p, h, restart(memory))
         slack = rounding_of_step(contacts, p, free, h)
         _, on, _ = _settled(contacts.resting, p, free, h, contacts.tolerance, slack, False)
         lies = any(on)
@@ -425,10 +432,9 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
         )
         if alone and not lies:
             q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
-        elif ends == FLYING and not lies:
-            q = delayed(method, forces, q, h)
-        elif ends == LYING and not lies:
-            q = delayed_along(method, forces, q, h)
+        elif ends != ENDED and not lies:
+            late = delayed(method, forces, q, h)
+            q = slowed(q, late) if ends == LYING else late
         bounces = ends == FLYING and not (alone or lies)
     else:
         q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
@@ -466,8 +472,9 @@ def _follow(
     if cramped:
         impacts = MAX_IMPACTS  # it finds no room, and would bounce as often as it may
     legal = p
-    q, _ = advance(method, dynamics, forces, p, h, memory)
+    q, _ = _step(method, dynamics, forces, p, h, memory)
     push = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
+    bouncy = sum([c.response.bounce > BOUNCY for c in contacts.continuous]) > 0
     force = np.sqrt(push[0] * push[0] + push[1] * push[1] + push[2] * push[2]) / h
     if may_hold(contacts.continuous):
         parts = no_parts(h)
@@ -535,8 +542,9 @@ def _follow(
         top, _, on, _ = _glide(method, dynamics, forces, contacts, p, half * tau, memory, how)
         height = ahead(contacts, on, top)
         low = height <= rounding(contacts, p)
-        # So are hops that forces end soon, twice as high as by these at most: those on what is elastic have no end.
-        low |= (type_of(h, BRIEF) * tau < h) & (height <= type_of(h, 0.25) * force * tau * tau)
+        # So are brief hops, twice as high as by forces at most: those on what is elastic have no end.
+        brief = (type_of(h, BRIEF) * tau < h) & (height <= type_of(h, 0.25) * force * tau * tau)
+        low |= brief & bouncy
         stalls = stalls + 1 if low or tau < h / 1048576 else 0
         impacts += 1
         if exact:

@@ -259,12 +259,11 @@ def delayed(method: Any, forces: Any, q: Any, h: Any) -> Any:
     return q if isinstance(method, VerletRecord) else kick(type_of(h, -0.5), forces, q, h)
 
 
-def delayed_along(method: Any, forces: Any, q: Any, h: Any) -> Any:
-    """The same of the speed alone, down to 0, for a particle that has come to lie on something."""
-    r = delayed(method, forces, q, h)
+def slowed(q: Any, late: Any) -> Any:
+    """A particle that has come to lie on something, with the part along its velocity of that which is `delayed`."""
     square = q.vx * q.vx + q.vy * q.vy + q.vz * q.vz
-    along = r.vx * q.vx + r.vy * q.vy + r.vz * q.vz
-    zero, one = square - square, type_of(h, 1)
+    along = late.vx * q.vx + late.vy * q.vy + late.vz * q.vz
+    zero, one = square - square, type_of(square, 1)
     k = max(along / square, zero) if square > 0 else one
     return moved_to(q, q.x, q.y, q.z, k * q.vx, k * q.vy, k * q.vz, q.t)
 

@@ -33,6 +33,8 @@ MOST = 400
 """Iterations at most, each of which takes as long as about two turns."""
 UNCOUNTED = 1 << 62
 """What the number of particles of a cluster is below by as long as its own particle is not counted."""
+FLAT = 1e-10
+"""Curvature of the energy, in units of that along one impulse, below which impulses only push against each other."""
 STEP = 1.8
 """Steps against the gradient over the inverse of the largest eigenvalue: below 2 they lose energy."""
 GIVEN, FOUND, PUSH, RATE, WAY, ANSWER, SCALE, X, Y, Z, LEFT = range(11)
@@ -318,12 +320,14 @@ def reduced(row: Any, n: Any, step: Any) -> Any:
 
 @outlined
 def along(row: Any, n: Any) -> Any:
-    """How far to go along the direction for the least energy there."""
-    above = below = 0.0
+    """How far to go along the direction for the least energy there; not at all where there is none, as between walls that
+    leave no room."""
+    above = below = square = 0.0
     for k in range(n):
         above += row[RATE, k] * row[WAY, k]
         below += row[WAY, k] * row[ANSWER, k]
-    return above / below if below > 0 else 0.0
+        square += row[WAY, k] * row[WAY, k]
+    return above / below if below > FLAT * square else 0.0
 
 
 @outlined
