@@ -54,6 +54,7 @@ from particlesim.engine.step.crossing import all_apart, crossing, straight, turn
 from particlesim.engine.step.hits import hear, silence
 from particlesim.engine.step.lying import borne, settled
 from particlesim.engine.step.particle_step import (
+    BentRecord,
     advance,
     centred,
     delayed,
@@ -61,6 +62,7 @@ from particlesim.engine.step.particle_step import (
     on_time,
     restart,
     slowed,
+    taken_off,
 )
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
 from particlesim.engine.step.resting import NOISE, stays
@@ -432,9 +434,12 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
         )
         if alone and not lies:
             q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
-        elif ends != ENDED and not lies:
+        elif ends != ENDED:
             late = delayed(method, forces, q, h)
-            q = slowed(q, late) if ends == LYING else late
+            if not lies:
+                q = slowed(q, late) if ends == LYING else late
+            elif ends == FLYING and not isinstance(method, BentRecord):
+                q = taken_off(q, late)
         bounces = ends == FLYING and not (alone or lies)
     else:
         q, after, outcome, hit, exhausted, legal, ends, alone = _follow(

@@ -260,12 +260,24 @@ def delayed(method: Any, forces: Any, q: Any, h: Any) -> Any:
 
 
 def slowed(q: Any, late: Any) -> Any:
-    """A particle that has come to lie on something, with the part along its velocity of that which is `delayed`."""
+    """A particle that has come to lie on something, with the part along its velocity of that which is `delayed`, down to 0:
+    across it contact cancels what forces change."""
+    k = max(_part_along(q, late), q.x - q.x)
+    return moved_to(q, q.x, q.y, q.z, k * q.vx, k * q.vy, k * q.vz, q.t)
+
+
+def taken_off(q: Any, late: Any) -> Any:
+    """A particle that has left what it lay on, with the other part: along its way it has been late there, too."""
+    k = type_of(q.x, 1) - _part_along(q, late)
+    vx, vy, vz = late.vx + k * q.vx, late.vy + k * q.vy, late.vz + k * q.vz
+    return moved_to(q, q.x, q.y, q.z, vx, vy, vz, q.t)
+
+
+def _part_along(q: Any, late: Any) -> Any:
+    """The part of a velocity along another one, over this: 1 where there is none."""
     square = q.vx * q.vx + q.vy * q.vy + q.vz * q.vz
     along = late.vx * q.vx + late.vy * q.vy + late.vz * q.vz
-    zero, one = square - square, type_of(square, 1)
-    k = max(along / square, zero) if square > 0 else one
-    return moved_to(q, q.x, q.y, q.z, k * q.vx, k * q.vy, k * q.vz, q.t)
+    return along / square if square > 0 else type_of(square, 1)
 
 
 STEPS: dict[type, Callable[..., Any]] = {
