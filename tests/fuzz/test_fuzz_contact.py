@@ -44,6 +44,12 @@ def test_nothing_is_inside_of_a_box_that_moves() -> None:
         pytest.param(26000009, 4096, None, [2170], id="end of a crease"),
         # comes to rest in a corner, and what would lie for a shorter time flies away
         pytest.param(26000008, 65536, None, [969, 2788], id="corner of a hollow box"),
+        (
+            62_000_028,
+            65_536,
+            None,
+            [34_717],
+        ),  # through a sheet, as it lay on less in the part of a step up to another
     ],
 )
 def test_what_the_fuzz_has_found_once(seed: int, particles: int, scene: str | None, among: list[int]) -> None:

@@ -506,6 +506,11 @@ def _follow(
                 q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
                 shorter += 1
         late, place = crossing(contacts, on, p, q, length)
+        if late < length and any(on):
+            # Up to there it may lie on less, as what touches is less in a shorter step, and meet the rest sooner.
+            near, _, left_on, _ = _glide(method, dynamics, forces, contacts, p, late, memory, calm)
+            sooner, spot = crossing(contacts, left_on, p, near, late)
+            late, place = (sooner, spot) if sooner < late else (late, place)
         if not (late < length or ahead(contacts, on, q) < 0):
             p = q
             if length == left:
