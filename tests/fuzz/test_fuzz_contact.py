@@ -50,6 +50,8 @@ def test_nothing_is_inside_of_a_box_that_moves() -> None:
             None,
             [34_717],
         ),  # through a sheet, as it lay on less in the part of a step up to another
+        # lies on two sheets in a whole step, and on one of them in the part of it up to a third
+        pytest.param(62000028, 65536, None, [34717], id="seam of sheets"),
     ],
 )
 def test_what_the_fuzz_has_found_once(seed: int, particles: int, scene: str | None, among: list[int]) -> None:
