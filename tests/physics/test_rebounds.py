@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from simulate import G, points, table, way
 
 import particlesim as ps
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.snapshot import restore, snapshot
 
 LEAPFROGS = ["symplectic_euler", "velocity_verlet", "stormer_verlet"]
 
@@ -185,3 +187,20 @@ def test_hard_grains_bounce_off_walls_without_a_gain(method: str) -> None:
     told = h**2 / 2 * (v**2).sum(-1).max() if method == "stormer_verlet" else 0.0
     impacts = duration / (4 * np.pi / 3)
     assert np.abs(energy - energy[0]).max() <= impacts * h**3 * np.sqrt(0.75) / 2 / 10 + told
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "stormer_verlet", "rk45"])
+def test_a_resumed_run_of_beads_has_the_same_bits(method: str) -> None:
+    told, _, _ = pairs(60, 0.3, 1e-3)
+    output = {"every": 100, "ledger": False}
+    scenario = ps.from_table(table(0.6, 1e-3, method, planes=[{"restitution": 0.9}], output=output, **told))
+    one, two = Simulation(scenario, threads=1), Simulation(scenario, threads=2)
+    one.advance_to(300)
+    restore(two, snapshot(one))
+    for each in (one, two):
+        each.advance_to(600)
+    (a,), (b,) = one.states, two.states
+    assert a.x.tobytes() == b.x.tobytes()
+    assert a.v.tobytes() == b.v.tobytes()
+    one.close()
+    two.close()
