@@ -19,7 +19,7 @@ from particlesim.engine.islands.joined import Joined
 from particlesim.engine.state.columns import Columns
 from particlesim.engine.state.table import SPIN
 from particlesim.engine.step.contacts import Simple
-from particlesim.engine.step.records import as_precision, contacts_record, dynamics_record
+from particlesim.engine.step.records import SOME, as_precision, contacts_record, dynamics_record
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group
 from particlesim.integrators import GaussRadauMethod, ImplicitMethod, WisdomHolmanMethod
@@ -205,7 +205,7 @@ def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...
         if island.touched_softly(group.name):
             bouncing = [each for each in colliders if each.contact == "bounce"]
             colliders = tuple(each for each in colliders if each.contact != "bounce")
-            cores = contacts_record(bouncing, group, dtype) if bouncing else None
+            cores = contacts_record(bouncing, group, dtype, few=SOME) if bouncing else None
         forces = tuple(force.record() for force in island.forces[k])
         turns = island.spins(group.name) and any(each.rubs for each in colliders)
         rubbing = tuple(each.record() for each in colliders) if turns else ()

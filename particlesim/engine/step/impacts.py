@@ -113,7 +113,8 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """The end of a step from p that meets a collider before q, and whether it is rest, without an impact, so that there
     is nothing to trace."""
     slack, alone = rounding_of_step(contacts, p, q, h), contacts.one_by_one is not None
-    r, on, turn = settled(contacts.continuous, p, q, h, contacts.tolerance, slack, False)
+    look = _settled if alone else settled
+    r, on, turn = look(contacts.continuous, p, q, h, contacts.tolerance, slack, False)
     calm = any(on) & (turn >= 1)
     if len(contacts.continuous) > 1 or crossable(
         contacts.continuous[0]
@@ -126,6 +127,12 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     if any(crossable(c) for c in contacts.continuous):
         calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r), alone)
     return r, calm
+
+
+@outlined
+def rest_alone(contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    """`rest` for where each particle is looked at by itself."""
+    return rest(contacts, p, q, h)
 
 
 def rough(colliders: Any) -> bool:
@@ -219,6 +226,11 @@ def _between_two(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     return wedged(c, d, p, q, h, tolerance)
 
 
+@outlined
+def _sunk(colliders: Any, on: Any, p: Any, q: Any, slack: Any) -> Any:
+    return sunk(colliders, on, p, q, slack)
+
+
 def runs(c: Any) -> bool:
     """Whether the surface of a collider moves."""
     return isinstance(c.shape, MovingRecord) or c.response.belt is not None
@@ -235,22 +247,22 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
             _, lain, bend = _on_one(c, p, q, h, contacts.tolerance, slack)
             # As in `_glide`: what is behind another part of a shape with dents does not matter.
             blocked = dented(c.shape) & (bend < 1)
-            if blocked or not sunk(contacts.continuous, on, p, lain, slack):
+            if blocked or not _sunk(contacts.continuous, on, p, lain, slack):
                 r, turn, found = lain, bend, True
     for k, c in enumerate(contacts.continuous):
         for j, d in enumerate(contacts.continuous[:k]):
             if on[k] & on[j] & (not found):
                 crept, bend, presses = _between_two(c, d, p, q, h, contacts.tolerance)
-                if presses and not sunk(contacts.continuous, on, p, crept, slack):
+                if presses and not _sunk(contacts.continuous, on, p, crept, slack):
                     r, turn, found = crept, bend, True
     if not found:
         sweeps = 0
-        while turn >= 1 and sunk(contacts.continuous, on, p, r, slack) and sweeps < MAX_SWEEPS:
+        while turn >= 1 and _sunk(contacts.continuous, on, p, r, slack) and sweeps < MAX_SWEEPS:
             r, more, turn = _settled(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
             on = tuple(one | other for one, other in zip(on, more, strict=True))
             sweeps += 1
         dents = any(dented(c.shape) for c in contacts.continuous)
-        if sunk(contacts.continuous, on, p, r, slack):
+        if _sunk(contacts.continuous, on, p, r, slack):
             if dents:
                 r, on, turn = q, nowhere(contacts.continuous), type_of(h, 1)
             else:

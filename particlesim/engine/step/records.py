@@ -23,6 +23,10 @@ from particlesim.model.vectors import dot, unit
 CONTACT_TOLERANCE = 16
 """Overlap that counts as touching, in units of the rounding error of the coordinates."""
 
+FEW, SOME = 2, 6
+"""How many colliders that are not planes are met in vectors at most: with more, a kernel takes long to compile, and to run.
+`SOME` is for methods with a memory, and for cores, for which it is not known how far particles are from colliders."""
+
 
 def as_precision(record: Any, dtype: np.dtype[Any]) -> Any:
     """A record with all its numbers in the run's precision. Integers and None stay."""
@@ -51,9 +55,11 @@ def contacts_record(
     heard: Sequence[int | None] = (),
     *,
     smooth: bool = False,
+    few: int = FEW,
 ) -> Simple | Careful:
     """What the particles of a group may touch, in the simplest form that is right. `heard` are the numbers of those to whose
-    impacts emitters react, None for others; none unless given. `smooth`: without friction."""
+    impacts emitters react, None for others; none unless given. `smooth`: without friction. `few`: how many colliders that
+    are not planes are met in vectors at most; where there are more, each particle near them is looked at by itself."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
         bounds = (edge(*group.die.outside),)
@@ -76,7 +82,8 @@ def contacts_record(
         return Simple((*discrete, *bounds), soft)
     resting = [without_rebound(each) for each in continuous]
     tolerance = CONTACT_TOLERANCE * float(np.finfo(dtype).eps)
-    one_by_one = () if any(each.costly for each in hard) else None
+    bodies = sum(not isinstance(each, Plane) for each in hard)
+    one_by_one = () if bodies > few or any(each.costly for each in hard) else None
     reach = max((each.reach() for each in hard), default=0.0)
     return Careful(
         tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach, one_by_one, soft
@@ -122,7 +129,13 @@ def group_program(
         island.method.record(),
         dynamics_record(group),
         tuple(force.record() for force in forces),
-        contacts_record(colliders, group, dtype, island.heard[0] if island.heard else ()),
+        contacts_record(
+            colliders,
+            group,
+            dtype,
+            island.heard[0] if island.heard else (),
+            few=SOME if island.method.memory else FEW,
+        ),
     )
     return as_precision(program, dtype)
 
