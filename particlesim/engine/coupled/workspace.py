@@ -68,20 +68,26 @@ class StagedEmbedded(NamedTuple):
 
 class Rebounds(NamedTuple):
     """Room for particles that bounce in a step, one column for each: in the columns of a thread's share, those of its own.
-    Their `rows`; the state in which the step would have ended without [6, n]; the acceleration on their way, what velocities
-    lack on it, and forces at the end of a step without and with [12, n]. `mean`: accelerations of all particles [3, n], for
-    a leapfrog. By what parts of a step velocities are older than places: those at the end of a step, and those with which
-    one begins after contact. `slow`: up to what speed particles rest, in those that forces give in a step; or None.
-    `between`: an empty tuple where the method remembers velocities between places, else None."""
+    Their `rows`; the state in which the step would have ended without impacts, and with them [6, n]; the acceleration on
+    their way, and what velocities lack on it [6, n]; forces [15, n]. For all particles: accelerations without and with
+    impacts [6, n], and places [3, n]. By what parts of a step velocities are older than places: those at the end of a step,
+    and those with which one begins after contact. `slow`: up to what speed particles rest, in those that forces give in a
+    step; or None. `between`: an empty tuple where the method remembers velocities between places, else None. `series` and
+    `aside`: α and −½ β/α of what the method keeps (`rebounds`), 0 and without `home` where that is the energy."""
 
     rows: Any
     free: Any
+    hit: Any
     way: Any
-    mean: Any
+    forces: Any
+    around: Any
+    home: Any
     old: Any
     begun: Any
     slow: Any
     between: Any
+    series: Any
+    aside: Any
 
 
 class Work(NamedTuple):
@@ -191,14 +197,20 @@ def new_rebounds(method: Method, count: int, dtype: Any, *, heaps: bool) -> Rebo
         isinstance(method, ImplicitMethod) and not method.reversible
     ):
         return None
-    begun = 0.0
+    begun, leaps = 0.0, isinstance(method, Verlet)
     if isinstance(method, Composition):
         begun = 0.5 - float(np.dot(method.kicks, np.cumsum([0.0, *method.drifts[:-1]])))
+        leaps = len(method.kicks) <= 2
+    series, aside = (1 / 12, 1 / 4) if leaps else (0.0, 0.0)
+    if isinstance(method, ImplicitMethod):
+        series, aside = (-1 / 24 if method.ahead else 1 / 12), -1 / 2
     old = 0.5 if isinstance(method, Verlet) else begun
-    leaps = isinstance(method, Verlet) or (isinstance(method, Composition) and len(method.kicks) <= 2)
     slow, between = SLOW if heaps else None, () if isinstance(method, Verlet) else None
-    free, way, mean = (np.zeros((rows, count), dtype) for rows in (6, 12, 3))
-    return Rebounds(np.zeros(count, np.int64), free, way, mean if leaps else None, old, begun, slow, between)
+    free, hit, way, forces = (np.zeros((rows, count), dtype) for rows in (6, 6, 6, 15))
+    around = np.zeros((6, count), dtype) if series or begun else None
+    home = np.zeros((3, count), dtype) if series else None
+    rows = np.zeros(count, np.int64)
+    return Rebounds(rows, free, hit, way, forces, around, home, old, begun, slow, between, series, aside)
 
 
 def share_out(
