@@ -68,8 +68,8 @@ class RecoveryRecord(NamedTuple):
 
 class ResponseRecord(NamedTuple):
     """1 + e (at low speed), k, 1 − k, and what becomes of the particle; friction, how e falls with speed, the velocity
-    of the surface along itself [m/s], how it yields, and the number under which somebody hears of impacts, each None where
-    there is none."""
+    of the surface along itself [m/s], how it yields, the number under which somebody hears of impacts, each None where
+    there is none; and `turning`: an empty tuple where forces may turn along the way of what lies on it, else None."""
 
     bounce: float
     loss: float
@@ -80,6 +80,7 @@ class ResponseRecord(NamedTuple):
     belt: tuple[float, float, float] | None = None
     yielding: PenaltyRecord | RecoveryRecord | None = None
     heard: int | None = None
+    turning: tuple[()] | None = None
 
 
 class ColliderRecord(NamedTuple):

@@ -24,6 +24,7 @@ from particlesim.graph.graph import Island
 from particlesim.groups.group import Group
 from particlesim.integrators import GaussRadauMethod, ImplicitMethod, WisdomHolmanMethod
 from particlesim.integrators.base import Verlet
+from particlesim.interactions import PairSet
 from particlesim.model.arrays import Floats
 
 Interactions = tuple[Any, ...]
@@ -196,21 +197,28 @@ def _own(work: Work, share: Share, forms: tuple[Any, ...], dtype: Any) -> Work:
     return work._replace(system=own)
 
 
+def _pulls(island: Island) -> bool:
+    """Whether its particles act on each other otherwise than by impulses."""
+    struck = [isinstance(each, PairSet) and each.law.by_impulses for each in island.interactions]
+    return bool(island.constraints) or not all(struck)
+
+
 def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...]:
     """The groups of an island as kernels take them; `bounds` are the borders of their rows."""
     parts = []
     for k, group in enumerate(island.groups):
         colliders, cores = island.colliders[k], None
         heard = dict(zip(map(id, colliders), island.heard[k], strict=True)) if island.heard else {}
+        pulled = any(force.by_place for force in island.forces[k]) or _pulls(island)
         if island.touched_softly(group.name):
             bouncing = [each for each in colliders if each.contact == "bounce"]
             colliders = tuple(each for each in colliders if each.contact != "bounce")
-            cores = contacts_record(bouncing, group, dtype, few=SOME) if bouncing else None
+            cores = contacts_record(bouncing, group, dtype, few=SOME, turning=pulled) if bouncing else None
         forces = tuple(force.record() for force in island.forces[k])
         turns = island.spins(group.name) and any(each.rubs for each in colliders)
         rubbing = tuple(each.record() for each in colliders) if turns else ()
         numbers = [heard.get(id(each)) for each in colliders]
-        contacts = contacts_record(colliders, group, dtype, numbers, smooth=turns)
+        contacts = contacts_record(colliders, group, dtype, numbers, smooth=turns, turning=pulled)
         part = Part(dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores, rubbing)
         parts.append(as_precision(part, dtype))
     return tuple(parts)

@@ -12,7 +12,7 @@ from particlesim.colliders.response import at_rest
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import SHALLOW, coarse
 from particlesim.engine.step.creases import crept, free_part, no_faster
-from particlesim.engine.step.resting import held, lies, touched
+from particlesim.engine.step.resting import bends, carried, held, lies, touched
 from particlesim.laws.registry import gap
 
 
@@ -39,9 +39,15 @@ def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
 def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
     """As `borne`, in the frame of the collider; s is p with its velocity along the axes of the end of the step."""
     touch = touched(c, p, q)
-    r, turn = held(c, s, q, touch, h, tolerance)
     here = lies(c, p, q, touch, h, tolerance, slack, sure)
+    turning = c.response.turning is not None and bends(c)
+    if turning:
+        start, end, way = carried(c, s, q, touch, h, tolerance)
+        r, turn = held(c, start, end, way, h, tolerance, True)
+    else:
+        r, turn = held(c, s, q, touch, h, tolerance)
     if dented(c.shape):
+        steady = not turning
         free = free_part(c, here, p, r, touch.up, touch.normal, h, slack)
         lain, turn = free > 0, min(turn, free)
         if coarse(tolerance) and isinstance(p.x, np.float32):
@@ -51,10 +57,10 @@ def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, s
         elif (touch.start <= slack) & ((not lain) | (gap(c, r) < -slack)):
             rests, end, bend, leaves = crept(c, p, q, h, tolerance, slack, sure)
             if rests:
-                lain, r, turn = True, end, bend
+                lain, r, turn, steady = True, end, bend, True
             if leaves:
                 lain = False
         if c.response.belt is None:
-            r = no_faster(s, q, r, h, tolerance)
+            r = chosen(steady, no_faster(s, q, r, h, tolerance), r)
         return lain, r, turn
     return here, r, turn

@@ -56,10 +56,13 @@ def contacts_record(
     *,
     smooth: bool = False,
     few: int = FEW,
+    turning: bool = False,
 ) -> Simple | Careful:
     """What the particles of a group may touch, in the simplest form that is right. `heard` are the numbers of those to whose
     impacts emitters react, None for others; none unless given. `smooth`: without friction. `few`: how many colliders that
-    are not planes are met in vectors at most; where there are more, each particle near them is looked at by itself."""
+    are not planes are met in vectors at most; where there are more, each particle near them is looked at by itself.
+    `turning`: forces
+    depend on the place, and may turn along the way of what lies on a collider."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
         bounds = (edge(*group.die.outside),)
@@ -69,6 +72,8 @@ def contacts_record(
     records = {id(c): _numbered(c.record(), k) for c, k in zip(colliders, numbers, strict=True)}
     if inert or smooth:
         records = {key: without_friction(each) for key, each in records.items()}
+    if turning:
+        records = {key: under_turning(each) for key, each in records.items()}
     soft = tuple(each.record() for each in colliders if each.soft and not inert)
     hard = [each for each in colliders if inert or not each.soft]
     continuous = [records[id(each)] for each in hard if each.detection == "continuous" and not inert]
@@ -93,6 +98,11 @@ def contacts_record(
 def _numbered(c: ColliderRecord, number: int | None) -> ColliderRecord:
     """The same collider, with a number for emitters that react to its impacts."""
     return c._replace(response=c.response._replace(heard=number))
+
+
+def under_turning(c: ColliderRecord) -> ColliderRecord:
+    """The same collider under forces that may turn along the way of what lies on it."""
+    return c._replace(response=c.response._replace(turning=()))
 
 
 def without_rebound(c: ColliderRecord) -> ColliderRecord:
@@ -135,6 +145,7 @@ def group_program(
             dtype,
             island.heard[0] if island.heard else (),
             few=SOME if island.method.memory else FEW,
+            turning=any(force.by_place for force in forces),
         ),
     )
     return as_precision(program, dtype)

@@ -22,6 +22,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.colliders.dents import dented
+from particlesim.colliders.plane import PlaneRecord
 from particlesim.colliders.response import (
     ResponseRecord,
     along,
@@ -34,7 +36,7 @@ from particlesim.colliders.response import (
     with_slide,
 )
 from particlesim.engine.state.columns import chosen, type_of
-from particlesim.engine.step.contacts import coarse, presses
+from particlesim.engine.step.contacts import ALONG_AXES, coarse, presses
 from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
 
 LEVEL = 2.0**-10
@@ -106,6 +108,62 @@ def sunk(c: Any, p: Any, start: Any, up: Any, q: Any) -> Any:
     return depth if behind else g, tuple(a if behind else b for a, b in zip(up, n, strict=True))
 
 
+def bends(c: Any) -> bool:
+    """Whether the surface of a collider may bend smoothly under what lies on it."""
+    return not isinstance(c.shape, (PlaneRecord, *ALONG_AXES)) and c.response.belt is None
+
+
+def carried(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> tuple[Any, Any, Touch]:
+    """A step from p to q along a surface that bends under it, as if it were flat: p and q with velocities along the tangent
+    at its end, and how they touch it there.
+
+    What presses has to lead nowhere. Forces at the beginning, which move the particle, press along the normal there, and
+    those at the end along that at the end; the impulses of both are told by the free step: (x' − x)/h − v, and the rest of
+    v' − v. Otherwise a force that turns with the surface, as that of a spring, would pull the particle along by its
+    speed times h/2 or h, for ever. Between the two the velocity turns, and keeps its size.
+    """
+    one, zero = type_of(h, 1), h - h
+    up, v = touch.up, (p.vx, p.vy, p.vz)
+    k = one / h
+    moved = (q.x - p.x, q.y - p.y, q.z - p.z)
+    early = tuple(k * a - b for a, b in zip(moved, v, strict=True))
+    late = tuple(b - a - c for a, b, c in zip(v, (q.vx, q.vy, q.vz), early, strict=True))
+    press = min(dot(early, up), zero)
+    flown = tuple(a + b - press * n for a, b, n in zip(v, early, up, strict=True))
+    s = h * press
+    there = at_place(q, (q.x - s * up[0], q.y - s * up[1], q.z - s * up[2]), (q.vx, q.vy, q.vz))
+    depth, n = sunk(c, p, touch.start, up, there)
+    rise, sharp = dot(flown, up), dented(c.shape)
+    begun, gone = turned(v, up, n, sharp), turned(flown, up, n, sharp)
+    fall = dot(late, n)
+    approach = rise + press + fall + dot(flown, n) - rise * dot(up, n)
+    here = (dot(up, n) < one - tolerance) & (approach < 0)
+    ends = tuple(a + b + (approach - fall) * m for a, b, m in zip(gone, late, n, strict=True))
+    return (
+        chosen(here, at_place(p, (p.x, p.y, p.z), begun), p),
+        chosen(here, at_place(there, (there.x, there.y, there.z), ends), q),
+        Touch(
+            touch.start,
+            up,
+            depth if here else touch.depth,
+            tuple(a if here else b for a, b in zip(n, touch.normal, strict=True)),
+        ),
+    )
+
+
+def turned(v: Any, up: Any, n: Any, sharp: bool) -> Any:
+    """The part of a velocity along a surface with the normal `up`, along that with the normal n, as fast; of one that may
+    be `sharp`, what leads into a crease is lost."""
+    one, a = type_of(v[0], 1), dot(v, up)
+    flat = tuple(x - a * axis for x, axis in zip(v, up, strict=True))
+    b = dot(flat, n)
+    ahead = tuple(x - b * axis for x, axis in zip(flat, n, strict=True))
+    size = square(ahead)
+    k = np.sqrt(square(flat) / size) if size > 0 else one
+    k = one if sharp & (b < 0) else k
+    return tuple(k * x for x in ahead)
+
+
 def lifted(c: Any, q: Any, depth: Any, n: Any) -> Any:
     """The place of q put back on the side of a collider where it has this depth and normal."""
     if has_law(surface, c.shape):
@@ -133,8 +191,9 @@ def stays(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:
     return here, at_place(q, (p.x, p.y, p.z), with_slide(c.response, n, zero, c.response.keep, stopped))
 
 
-def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
-    """The end of a step from p to q on a collider on which p lies, and the part of the step after which p turns around."""
+def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any, level: bool = False) -> Any:
+    """The end of a step from p to q on a collider on which p lies, and the part of the step after which p turns around.
+    `level`: velocities are along the surface at the end."""
     response, one = c.response, type_of(h, 1)
     zero = one - one
     n = touch.normal
@@ -145,9 +204,9 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
         after, ends = rebound(dull, n, approach, q), lifted(c, q, touch.depth, n)
         hit = approach < 0
         after = tuple(new if hit else old for new, old in zip(after, (q.vx, q.vy, q.vz), strict=True))
-        return at_place(
-            q, ends, unlifted(c, p, q, touch, h, tolerance, (q.x, q.y, q.z), ends, push * push, after)
-        ), one
+        if not level:
+            after = unlifted(c, p, q, touch, h, tolerance, (q.x, q.y, q.z), ends, push * push, after)
+        return at_place(q, ends, after), one
     before, after = sliding(response, n, along(n, p), p), sliding(response, n, approach, q)
     change = tuple(None if b is None else a - b for a, b in zip(after, before, strict=True))
     # A velocity that is nothing but rounding is none: what stops must be at rest.
@@ -200,7 +259,8 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> Any:
     if crossable(c) and response.belt is None:
         up = dot(slid, m)
         slid = tuple(v - up * axis if bent else v for v, axis in zip(slid, m, strict=True))
-    slid = unlifted(c, p, q, touch, h, tolerance, (there.x, there.y, there.z), ends, push * push, slid)
+    if not level:
+        slid = unlifted(c, p, q, touch, h, tolerance, (there.x, there.y, there.z), ends, push * push, slid)
     turns = not (slides | calm | firm)
     r = at_place(q, ends, with_slide(response, n, approach + push, response.keep, slid))
     if crossable(c) and response.belt is None:
