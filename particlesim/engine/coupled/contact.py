@@ -10,7 +10,7 @@ from particlesim.engine.state.columns import block_of, fetch, note, span, store,
 from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed
 from particlesim.engine.step.crossing import crossings, passable
 from particlesim.engine.step.hits import tell
-from particlesim.engine.step.impacts import overlapped, respond, trace
+from particlesim.engine.step.impacts import BOUNCED, LANDED, overlapped, respond, trace
 from particlesim.engine.step.particle_step import BentRecord, Newtonian
 from particlesim.engine.step.program import BLOCK
 from particlesim.engine.step.rubbing import rubbed
@@ -133,6 +133,8 @@ def _collide(
     """`collide` for particles [first, last), which meet the same colliders; for the cores of those that are `soft`."""
     for i in range(first, last):
         begin, hi = span(c.clock, i, t, end, h)
+        if rebounds is not None:
+            rebounds.lies[i] = False
         if hi > 0:
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
             p = came_from(before, i, q, begin, hi, soft)
@@ -142,10 +144,13 @@ def _collide(
                 way, known = way_between(begun, q, hi), quick(rebounds, begun, q, hi)
                 late = None if rebounds is None else lateness(way, hi, known)
                 on = BentRecord(way.turn, way.bend, late)
-                r, _, outcome, hit, exhausted, bounces = trace(on, Newtonian(), (), contacts, begun, hi, ())
-                if rebounds is not None and bounces and known:
-                    note_rebound(rebounds, share, i, on, q)
-                if leaps and not bounces:
+                r, _, outcome, hit, exhausted, struck = trace(on, Newtonian(), (), contacts, begun, hi, ())
+                if rebounds is not None:
+                    rebounds.lies[i] = struck != BOUNCED
+                    landed = (struck == LANDED) & (rebounds.begun != 0)
+                    if known and (struck == BOUNCED or landed):
+                        note_rebound(rebounds, share, i, on, q)
+                if leaps and struck != BOUNCED:
                     nudge(c.memory, i, q, r)
                 else:
                     forget(c.memory, i)

@@ -101,7 +101,10 @@ def settle_rebounds(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: An
             keep_time(room, c, share, t, end, h)
         for k in range(first, last):
             _, hi = span(c.clock, room.rows[k], t, end, h)
-            slow_down(c, room, k, hi)
+            if room.lies[room.rows[k]]:
+                slide_on(c, room, k, hi)
+            else:
+                slow_down(c, room, k, hi)
 
 
 def _look(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, where: int) -> None:
@@ -151,7 +154,24 @@ def keep_time(room: Any, c: Any, share: Any, t: Any, end: Any, h: Any) -> None:
     for axis in range(3):
         for i in range(share.first, share.last):
             _, hi = span(c.clock, i, t, end, h)
-            speeds[axis][i] += type_of(h, part) * hi * (room.around[axis, i] - room.around[3 + axis, i])
+            if not room.lies[i]:
+                speeds[axis][i] += type_of(h, part) * hi * (room.around[axis, i] - room.around[3 + axis, i])
+
+
+def slide_on(c: Any, room: Any, k: Any, h: Any) -> None:
+    """What `keep_time` does for the particle of column k, which has landed: along the surface."""
+    i, square, along = room.rows[k], 0.0, 0.0
+    places, speeds, m = (c.x, c.y, c.z), (c.vx, c.vy, c.vz), np.float64(c.m[i])
+    for axis in range(3):
+        d = np.float64(places[axis][i]) - np.float64(room.free[axis, k])
+        change = np.float64(room.forces[3 * FREE + axis, k]) - np.float64(room.forces[3 * HIT + axis, k])
+        square, along = square + d * d, along + change * d
+    if square > 0:
+        part = room.begun * np.float64(h) / m
+        for axis in range(3):
+            d = np.float64(places[axis][i]) - np.float64(room.free[axis, k])
+            change = np.float64(room.forces[3 * FREE + axis, k]) - np.float64(room.forces[3 * HIT + axis, k])
+            speeds[axis][i] += type_of(h, part * (change - along / square * d))
 
 
 def slow_down(c: Any, room: Any, k: Any, h: Any) -> None:

@@ -23,7 +23,6 @@ from particlesim.engine.step.records import SOME, as_precision, contacts_record,
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group
 from particlesim.integrators import GaussRadauMethod, ImplicitMethod, WisdomHolmanMethod
-from particlesim.integrators.base import Verlet
 from particlesim.interactions import PairSet
 from particlesim.model.arrays import Floats
 
@@ -69,13 +68,13 @@ class Layout:
             looks_back=looks_back,
             spins=SPIN in whole.parts,
         )
-        # Rods change what bounces once more; Störmer's rule has to know of what lies on something, too.
-        touches = meets if isinstance(self._method, Verlet) else bounces
-        if constraint is None and any(map(touches, self.parts)):
+        # Rods change what bounces once more.
+        if constraint is None and any(map(meets, self.parts)):
             hard = sum(isinstance(each, Impulses) for each in interactions)
             room = new_rebounds(self._method, self.count, self.dtype, heaps=hard > 0)
-            # What falls freely, with velocities that are not late, has nothing to give.
-            if hard == 0 or hard < len(interactions) or (room is not None and room.old > 0):
+            # Velocities that are late have to know of all that touches. Of others, what falls freely has nothing to give.
+            late = room is not None and room.old > 0
+            if late or (any(map(bounces, self.parts)) and (hard == 0 or hard < len(interactions))):
                 self.work = self.work._replace(rebounds=room)
         if isinstance(self._method, GaussRadauMethod):
             self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))

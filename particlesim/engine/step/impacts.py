@@ -90,6 +90,8 @@ MAX_HALVINGS = 80
 
 LIVELY, CALM, SURE = 0, 1, 2
 """What happens to a particle that touches: it rebounds; lies, if its hops are shorter than the step; lies in any case."""
+NOTHING, BOUNCED, LANDED = 0, 1, 2
+"""What has happened in a step: no impact, or only of what lay on something before; one, and it flies; it lies now."""
 FLYING, LYING, ENDED = 0, 1, 2
 """How a particle ends its step: in flight, on a collider, or otherwise, as where it stuck."""
 
@@ -366,12 +368,12 @@ def _lying(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
 def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
     """One step of one particle from impact to impact: the particle, the method's memory, the outcome, the first impact
     to which an emitter reacts (None where none would), whether it had more impacts than are followed, and whether it has
-    bounced, and flown ever since the beginning.
+    bounced, or landed.
 
     The particle's time is where its step ended: before t + h when it stuck or died.
     """
     if isinstance(contacts, Simple):
-        return p, memory, PASS, None, False, False
+        return p, memory, PASS, None, False, NOTHING
     if not coarse(contacts.tolerance):
         return _trace(method, dynamics, forces, contacts, p, h, memory)
     # Impacts are between the places that single precision knows: rounded to one of them, each would gain or lose energy.
@@ -379,7 +381,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
     fine = type(p)(*(each if each is None else np.float64(each) for each in p))
     known = tuple(np.float64(each) for each in memory)
     if any(isinstance(c.shape, MovingRecord) for c in contacts.continuous):
-        q, after, outcome, hit, exhausted, bounces = _trace(
+        q, after, outcome, hit, exhausted, struck = _trace(
             method, dynamics, forces, contacts, fine, np.float64(h), known
         )
     else:
@@ -394,12 +396,12 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
             contacts.sized_by,
         )
         begun = _put_on(method, dynamics, forces, contacts, fine, np.float64(h), known)
-        q, after, outcome, hit, exhausted, bounces = _trace(
+        q, after, outcome, hit, exhausted, struck = _trace(
             method, dynamics, forces, exact, begun, np.float64(h), known
         )
     x, y, z, vx, vy, vz = (type_of(p.x, each) for each in q[:6])
     coarsened = tuple(type_of(p.x, each) for each in after)
-    return moved_to(p, x, y, z, vx, vy, vz, q.t), coarsened, outcome, hit, exhausted, bounces
+    return moved_to(p, x, y, z, vx, vy, vz, q.t), coarsened, outcome, hit, exhausted, struck
 
 
 @outlined
@@ -431,7 +433,7 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
     """As `trace`, in the precision of p."""
     if len(contacts.continuous) == 0:
         q, after = advance(method, dynamics, forces, p, h, memory)
-        legal, outcome, hit, exhausted, bounces = p, PASS, silence(contacts.discrete, p), False, False
+        legal, outcome, hit, exhausted, struck = p, PASS, silence(contacts.discrete, p), False, NOTHING
     elif lags(method):
         free, _ = _step(centred(method, h, True), dynamics, forces, p, h, restart(memory))
         slack = rounding_of_step(contacts, p, free, h)
@@ -452,18 +454,24 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
                 q = slowed(q, late) if ends == LYING else late
             elif ends == FLYING and not isinstance(method, BentRecord):
                 q = taken_off(q, late)
-        bounces = ends == FLYING and not (alone or lies)
+        struck = _struck(ends, alone or lies)
     else:
         q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
             method, dynamics, forces, contacts, p, h, memory, CALM
         )
-        bounces = ends == FLYING and not alone
+        struck = _struck(ends, alone)
     if outcome == PASS and nearest(contacts.discrete, q) < 0:
         hit = hear(contacts.discrete, q, hit)
         # Out of one collider must not mean into another, and only the beginning of the step is legal for all.
         q, outcome = _separate(contacts.discrete + contacts.continuous, q, legal, contacts)
-        after, bounces = restart(after), False
-    return q, after, outcome, hit, exhausted, bounces
+        after, struck = restart(after), NOTHING
+    return q, after, outcome, hit, exhausted, struck
+
+
+def _struck(ends: Any, calm: Any) -> Any:
+    """What a step that ends like this was, unless it was `calm`: in flight all the time, or on something from its
+    beginning."""
+    return NOTHING if calm or ends == ENDED else (BOUNCED if ends == FLYING else LANDED)
 
 
 @outlined
