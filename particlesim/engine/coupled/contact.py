@@ -5,16 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from particlesim.colliders.response import crossable
+from particlesim.compiler import outlined
 from particlesim.engine.coupled.rebounds import note_rebound
 from particlesim.engine.state.columns import block_of, fetch, note, span, store, tire, type_of
-from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed
+from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed, rounding
 from particlesim.engine.step.crossing import crossings, passable
 from particlesim.engine.step.hits import tell
-from particlesim.engine.step.impacts import BOUNCED, LANDED, overlapped, respond, trace
+from particlesim.engine.step.impacts import BOUNCED, LANDED, NOTHING, overlapped, respond, runs, trace
 from particlesim.engine.step.particle_step import BentRecord, Newtonian
 from particlesim.engine.step.program import BLOCK
 from particlesim.engine.step.rubbing import rubbed
-from particlesim.laws.registry import Particle, further, moved_to
+from particlesim.laws.registry import Particle, further, gap_and_normal, moved_to
 
 
 def forget(memory: Any, i: Any) -> None:
@@ -101,6 +102,53 @@ def way_between(p: Any, q: Any, h: Any) -> BentRecord:
     return BentRecord(turn, bend)
 
 
+def moves(contacts: Any) -> bool:
+    """Whether the surface of some collider moves."""
+    return any(runs(c) for c in contacts.continuous)
+
+
+@outlined
+def _caught_up(contacts: Any, rebounds: Any, share: Any, i: Any, p: Any, q: Any, h: Any) -> Any:
+    """The step of particle i from p to q with velocities half a step behind, as one with the velocities of its places; what
+    `trace` tells of it."""
+    half = type_of(h, 0.5)
+    a = half * (q.vx - p.vx), half * (q.vy - p.vy), half * (q.vz - p.vz)
+    late, lay = _free_part(contacts, p, a)
+    begun = moved_to(p, p.x, p.y, p.z, p.vx + late[0], p.vy + late[1], p.vz + late[2], p.t)
+    end = moved_to(q, q.x, q.y, q.z, q.vx + late[0], q.vy + late[1], q.vz + late[2], q.t)
+    on = way_between(begun, end, h)
+    r, _, outcome, hit, exhausted, struck = trace(on, Newtonian(), (), contacts, begun, h, ())
+    rebounds.lies[i] = struck != BOUNCED
+    if struck == LANDED:
+        late, _ = _free_part(contacts, r, a)
+    elif struck == BOUNCED:
+        late = a
+    if not lay and struck != NOTHING:
+        note_rebound(rebounds, share, i, BentRecord(on.turn, on.bend, a), q)
+    return (
+        moved_to(r, r.x, r.y, r.z, r.vx - late[0], r.vy - late[1], r.vz - late[2], r.t),
+        outcome,
+        hit,
+        exhausted,
+    )
+
+
+def _free_part(contacts: Any, p: Any, a: Any) -> tuple[Any, bool]:
+    """What of a change of the velocity of p no collider takes up that it touches: nothing where friction has stopped it; and
+    whether it touches one that it is pressed on."""
+    slack, lies, still = rounding(contacts, p), False, (p.vx == 0) & (p.vy == 0) & (p.vz == 0)
+    x, y, z = a
+    for c in contacts.continuous:
+        g, normal = gap_and_normal(c, p)
+        n = tuple(g - g if axis is None else axis for axis in normal)
+        push = n[0] * x + n[1] * y + n[2] * z
+        if (g <= slack) & (push <= 0):
+            x, y, z, lies = x - push * n[0], y - push * n[1], z - push * n[2], True
+            if still and c.response.friction is not None:
+                x, y, z = g - g, g - g, g - g
+    return (x, y, z), lies
+
+
 def is_deep(contacts: Any, q: Any, t: Any) -> Any:
     """Whether the core of some particle of a block may be in a collider, or behind a thin one."""
     if isinstance(contacts, Careful) and (
@@ -139,21 +187,28 @@ def _collide(
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
             p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
-                leaps = rebounds is not None and rebounds.between is not None
-                begun = leapt(c.memory, i, p, q) if leaps else p
-                way, known = way_between(begun, q, hi), quick(rebounds, begun, q, hi)
-                late = None if rebounds is None else lateness(way, hi, known)
-                on = BentRecord(way.turn, way.bend, late)
-                r, _, outcome, hit, exhausted, struck = trace(on, Newtonian(), (), contacts, begun, hi, ())
-                if rebounds is not None:
-                    rebounds.lies[i] = struck != BOUNCED
-                    landed = (struck == LANDED) & (rebounds.begun != 0)
-                    if known and (struck == BOUNCED or landed):
-                        note_rebound(rebounds, share, i, on, q)
-                if leaps and struck != BOUNCED:
-                    nudge(c.memory, i, q, r)
-                else:
+                behind = rebounds is not None and rebounds.behind is not None and not moves(contacts)
+                if behind:
+                    r, outcome, hit, exhausted = _caught_up(contacts, rebounds, share, i, p, q, hi)
                     forget(c.memory, i)
+                else:
+                    leaps = rebounds is not None and rebounds.between is not None
+                    begun = leapt(c.memory, i, p, q) if leaps else p
+                    way, known = way_between(begun, q, hi), quick(rebounds, begun, q, hi)
+                    late = None if rebounds is None else lateness(way, hi, known)
+                    on = BentRecord(way.turn, way.bend, late)
+                    r, _, outcome, hit, exhausted, struck = trace(
+                        on, Newtonian(), (), contacts, begun, hi, ()
+                    )
+                    if rebounds is not None:
+                        rebounds.lies[i] = struck != BOUNCED
+                        landed = (struck == LANDED) & (rebounds.begun != 0)
+                        if known and (struck == BOUNCED or landed):
+                            note_rebound(rebounds, share, i, on, q)
+                    if leaps and struck != BOUNCED:
+                        nudge(c.memory, i, q, r)
+                    else:
+                        forget(c.memory, i)
                 tell(c.hit, i, hit)
                 tire(c, i, exhausted)
             else:

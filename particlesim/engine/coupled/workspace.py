@@ -69,12 +69,13 @@ class StagedEmbedded(NamedTuple):
 class Rebounds(NamedTuple):
     """Room for particles that bounce in a step, one column for each: in the columns of a thread's share, those of its own.
     Their `rows`, and which particles lie on something; the state in which the step would have ended without impacts, and
-    with them [6, n]; the acceleration on
-    their way, and what velocities lack on it [6, n]; forces [15, n]. For all particles: accelerations without and with
-    impacts [6, n], and places [3, n]. By what parts of a step velocities are older than places: those at the end of a step,
-    and those with which one begins after contact. `slow`: up to what speed particles rest, in those that forces give in a
-    step; or None. `between`: an empty tuple where the method remembers velocities between places, else None. `series` and
-    `aside`: α and −½ β/α of what the method keeps (`rebounds`), 0 and without `home` where that is the energy."""
+    with them [6, n]; the acceleration on their way, and what velocities lack on it [6, n]; forces [15, n]. For all
+    particles: accelerations without and with impacts [6, n], and places [3, n]. By what parts of a step velocities are
+    older than places: those at the end of a step, and those with which one begins after contact. `slow`: up to what speed
+    particles rest, in those that forces give in a step; or None. `between`: an empty tuple where the method remembers
+    velocities between places, `behind`: one where they are half a step behind places, and nothing lies on other particles;
+    else None. `series` and `aside`: α and −½ β/α of what the method keeps (`rebounds`), 0 and without `home` where that is
+    the energy."""
 
     rows: Any
     lies: Any
@@ -88,6 +89,7 @@ class Rebounds(NamedTuple):
     begun: Any
     slow: Any
     between: Any
+    behind: Any
     series: Any
     aside: Any
 
@@ -208,11 +210,14 @@ def new_rebounds(method: Method, count: int, dtype: Any, *, heaps: bool) -> Rebo
         series, aside = (-1 / 24 if method.ahead else 1 / 12), -1 / 2
     old = 0.5 if isinstance(method, Verlet) else begun
     slow, between = SLOW if heaps else None, () if isinstance(method, Verlet) else None
+    behind = () if begun and not heaps else None
     free, hit, way, forces = (np.zeros((rows, count), dtype) for rows in (6, 6, 6, 15))
     around = np.zeros((6, count), dtype) if series or begun else None
     home = np.zeros((3, count), dtype) if series else None
     rows, lies = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-    return Rebounds(rows, lies, free, hit, way, forces, around, home, old, begun, slow, between, series, aside)
+    return Rebounds(
+        rows, lies, free, hit, way, forces, around, home, old, begun, slow, between, behind, series, aside
+    )
 
 
 def share_out(
