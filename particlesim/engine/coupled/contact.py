@@ -113,14 +113,15 @@ def _caught_up(contacts: Any, rebounds: Any, share: Any, i: Any, p: Any, q: Any,
     `trace` tells of it."""
     half = type_of(h, 0.5)
     a = half * (q.vx - p.vx), half * (q.vy - p.vy), half * (q.vz - p.vz)
-    late, lay = _free_part(contacts, p, a)
+    late, lay = _along(contacts, p, a, False)
     begun = moved_to(p, p.x, p.y, p.z, p.vx + late[0], p.vy + late[1], p.vz + late[2], p.t)
     end = moved_to(q, q.x, q.y, q.z, q.vx + late[0], q.vy + late[1], q.vz + late[2], q.t)
     on = way_between(begun, end, h)
     r, _, outcome, hit, exhausted, struck = trace(on, Newtonian(), (), contacts, begun, h, ())
     rebounds.lies[i] = struck != BOUNCED
     if struck == LANDED:
-        late, _ = _free_part(contacts, r, a)
+        # What pressed it at the beginning did so along another normal, if the surface bends.
+        late, _ = _along(contacts, r, late if lay else a, lay)
     elif struck == BOUNCED:
         late = a
     if not lay and struck != NOTHING:
@@ -133,16 +134,16 @@ def _caught_up(contacts: Any, rebounds: Any, share: Any, i: Any, p: Any, q: Any,
     )
 
 
-def _free_part(contacts: Any, p: Any, a: Any) -> tuple[Any, bool]:
-    """What of a change of the velocity of p no collider takes up that it touches: nothing where friction has stopped it; and
-    whether it touches one that it is pressed on."""
+def _along(contacts: Any, p: Any, a: Any, level: Any) -> tuple[Any, bool]:
+    """What of a change of the velocity of p no collider takes up that it touches, or all that is `level` with those:
+    nothing where friction has stopped it; and whether it touches one."""
     slack, lies, still = rounding(contacts, p), False, (p.vx == 0) & (p.vy == 0) & (p.vz == 0)
     x, y, z = a
     for c in contacts.continuous:
         g, normal = gap_and_normal(c, p)
         n = tuple(g - g if axis is None else axis for axis in normal)
         push = n[0] * x + n[1] * y + n[2] * z
-        if (g <= slack) & (push <= 0):
+        if (g <= slack) & ((push <= 0) | level):
             x, y, z, lies = x - push * n[0], y - push * n[1], z - push * n[2], True
             if still and c.response.friction is not None:
                 x, y, z = g - g, g - g, g - g
