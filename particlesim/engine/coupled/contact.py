@@ -188,8 +188,7 @@ def _collide(
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
             p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
-                behind = rebounds is not None and rebounds.behind is not None and not moves(contacts)
-                if behind:
+                if rebounds is not None and rebounds.behind is not None and not moves(contacts):
                     r, outcome, hit, exhausted = _caught_up(contacts, rebounds, share, i, p, q, hi)
                     forget(c.memory, i)
                 else:

@@ -107,6 +107,7 @@ def settle_rebounds(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: An
                 slow_down(c, room, k, hi)
 
 
+@outlined
 def _look(parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, where: int) -> None:
     """Keep the forces with all particles where they are: on what has bounced, and those on all, if they are asked for."""
     room = work.rebounds
@@ -129,6 +130,7 @@ def halve(c: Any, room: Any, k: Any) -> None:
         column[i] = type_of(column[i], 0.5) * (column[i] + room.free[axis, k])
 
 
+@outlined
 def lead(room: Any, c: Any, share: Any, t: Any, end: Any, h: Any, where: int) -> None:
     """Take the particles of a share a step back or ahead, and back home."""
     begun, aside = type_of(h, room.begun), type_of(h, room.aside)
@@ -151,7 +153,7 @@ def keep_time(room: Any, c: Any, share: Any, t: Any, end: Any, h: Any) -> None:
     between places, change by the opposite."""
     speeds = (c.vx, c.vy, c.vz) if room.between is None else c.memory
     part = room.begun if room.between is None else room.old
-    for axis in range(3):
+    for axis in (0, 1, 2):
         for i in range(share.first, share.last):
             _, hi = span(c.clock, i, t, end, h)
             if not room.lies[i]:
@@ -162,24 +164,25 @@ def slide_on(c: Any, room: Any, k: Any, h: Any) -> None:
     """What `keep_time` does for the particle of column k, which has landed: along the surface."""
     i, square, along = room.rows[k], 0.0, 0.0
     places, speeds, m = (c.x, c.y, c.z), (c.vx, c.vy, c.vz), np.float64(c.m[i])
-    for axis in range(3):
+    for axis in (0, 1, 2):
         d = np.float64(places[axis][i]) - np.float64(room.free[axis, k])
         change = np.float64(room.forces[3 * FREE + axis, k]) - np.float64(room.forces[3 * HIT + axis, k])
         square, along = square + d * d, along + change * d
     if square > 0:
         part = room.begun * np.float64(h) / m
-        for axis in range(3):
+        for axis in (0, 1, 2):
             d = np.float64(places[axis][i]) - np.float64(room.free[axis, k])
             change = np.float64(room.forces[3 * FREE + axis, k]) - np.float64(room.forces[3 * HIT + axis, k])
             speeds[axis][i] += type_of(h, part * (change - along / square * d))
 
 
+@outlined
 def slow_down(c: Any, room: Any, k: Any, h: Any) -> None:
     """Change the speed along its displacement of the particle of column k."""
     i, old, begun = room.rows[k], room.old * np.float64(h), room.begun * np.float64(h)
     places, speeds, m = (c.x, c.y, c.z), (c.vx, c.vy, c.vz), np.float64(c.m[i])
     gain, square, along, bend, turn, change, stiff, lean = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for axis in range(3):
+    for axis in (0, 1, 2):
         a, late = np.float64(room.way[axis, k]), np.float64(room.way[3 + axis, k])
         free, hit, between = (np.float64(room.forces[3 * where + axis, k]) / m for where in range(3))
         d = np.float64(places[axis][i]) - np.float64(room.free[axis, k])
@@ -216,6 +219,6 @@ def slow_down(c: Any, room: Any, k: Any, h: Any) -> None:
         # ½ heavy s² + b s + gain = 0
         root = np.sqrt(max(b * b - 2 * heavy * gain, 0.0))
         s = -2 * gain / (b + root if b > 0 else b - root) if root > 0 else -b / heavy
-        for axis in range(3):
+        for axis in (0, 1, 2):
             d = np.float64(places[axis][i]) - np.float64(room.free[axis, k])
             speeds[axis][i] = type_of(h, np.float64(speeds[axis][i]) + s * d / length)
