@@ -8,14 +8,25 @@ from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
 from particlesim.engine.coupled.rebounds import note_rebound
 from particlesim.engine.state.columns import block_of, fetch, note, span, store, tire, type_of
-from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed, rounding
+from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed
 from particlesim.engine.step.crossing import crossings, passable
 from particlesim.engine.step.hits import tell
-from particlesim.engine.step.impacts import BOUNCED, LANDED, NOTHING, overlapped, respond, runs, trace
+from particlesim.engine.step.impacts import (
+    BOUNCED,
+    LANDED,
+    NOTHING,
+    along_contacts,
+    hastened,
+    overlapped,
+    respond,
+    trace,
+    turning,
+    with_places,
+)
 from particlesim.engine.step.particle_step import BentRecord, Newtonian
 from particlesim.engine.step.program import BLOCK
 from particlesim.engine.step.rubbing import rubbed
-from particlesim.laws.registry import Particle, further, gap_and_normal, moved_to
+from particlesim.laws.registry import Particle, further, moved_to
 
 
 def forget(memory: Any, i: Any) -> None:
@@ -102,52 +113,26 @@ def way_between(p: Any, q: Any, h: Any) -> BentRecord:
     return BentRecord(turn, bend)
 
 
-def moves(contacts: Any) -> bool:
-    """Whether the surface of some collider moves."""
-    return any(runs(c) for c in contacts.continuous)
-
-
 @outlined
 def _caught_up(contacts: Any, rebounds: Any, share: Any, i: Any, p: Any, q: Any, h: Any) -> Any:
     """The step of particle i from p to q with velocities half a step behind, as one with the velocities of its places; what
     `trace` tells of it."""
     half = type_of(h, 0.5)
     a = half * (q.vx - p.vx), half * (q.vy - p.vy), half * (q.vz - p.vz)
-    late, lay = _along(contacts, p, a, False)
-    begun = moved_to(p, p.x, p.y, p.z, p.vx + late[0], p.vy + late[1], p.vz + late[2], p.t)
-    end = moved_to(q, q.x, q.y, q.z, q.vx + late[0], q.vy + late[1], q.vz + late[2], q.t)
-    on = way_between(begun, end, h)
+    late, lay = along_contacts(contacts, p, a, False)
+    begun, end, late = with_places(p, q, a, late, h)
+    way, zero = way_between(begun, end, h), h - h
+    on = BentRecord(way.turn, way.bend, (zero, zero, zero))
     r, _, outcome, hit, exhausted, struck = trace(on, Newtonian(), (), contacts, begun, h, ())
     rebounds.lies[i] = struck != BOUNCED
-    if struck == LANDED:
-        # What pressed it at the beginning did so along another normal, if the surface bends.
-        late, _ = _along(contacts, r, late if lay else a, lay)
-    elif struck == BOUNCED:
+    if struck == BOUNCED:
         late = a
-    if not lay and struck != NOTHING:
-        note_rebound(rebounds, share, i, BentRecord(on.turn, on.bend, a), q)
-    return (
-        moved_to(r, r.x, r.y, r.z, r.vx - late[0], r.vy - late[1], r.vz - late[2], r.t),
-        outcome,
-        hit,
-        exhausted,
-    )
-
-
-def _along(contacts: Any, p: Any, a: Any, level: Any) -> tuple[Any, bool]:
-    """What of a change of the velocity of p no collider takes up that it touches, or all that is `level` with those:
-    nothing where friction has stopped it; and whether it touches one."""
-    slack, lies, still = rounding(contacts, p), False, (p.vx == 0) & (p.vy == 0) & (p.vz == 0)
-    x, y, z = a
-    for c in contacts.continuous:
-        g, normal = gap_and_normal(c, p)
-        n = tuple(g - g if axis is None else axis for axis in normal)
-        push = n[0] * x + n[1] * y + n[2] * z
-        if (g <= slack) & ((push <= 0) | level):
-            x, y, z, lies = x - push * n[0], y - push * n[1], z - push * n[2], True
-            if still and c.response.friction is not None:
-                x, y, z = g - g, g - g, g - g
-    return (x, y, z), lies
+    elif lay or struck == LANDED:
+        # What pressed it at the beginning did so along another normal, if the surface bends.
+        late, _ = along_contacts(contacts, r, late, True) if lay else along_contacts(contacts, r, a, False)
+    if struck != NOTHING:
+        note_rebound(rebounds, share, i, BentRecord(way.turn, way.bend, a), q)
+    return hastened(r, (-late[0], -late[1], -late[2])), outcome, hit, exhausted
 
 
 def is_deep(contacts: Any, q: Any, t: Any) -> Any:
@@ -188,7 +173,7 @@ def _collide(
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
             p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
-                if rebounds is not None and rebounds.behind is not None and not moves(contacts):
+                if rebounds is not None and rebounds.behind is not None and turning(contacts):
                     r, outcome, hit, exhausted = _caught_up(contacts, rebounds, share, i, p, q, hi)
                     forget(c.memory, i)
                 else:

@@ -52,8 +52,17 @@ from particlesim.engine.step.clearance import (
 from particlesim.engine.step.contacts import Simple, ends_inside, meet, pushed
 from particlesim.engine.step.crossing import crossings, may_pass, passable
 from particlesim.engine.step.hits import tell
-from particlesim.engine.step.impacts import keeps_still, overlapped, rest, rest_alone, stay, trace
-from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
+from particlesim.engine.step.impacts import (
+    keeps_still,
+    overlapped,
+    rest,
+    rest_alone,
+    rest_behind,
+    stay,
+    trace,
+    turning,
+)
+from particlesim.engine.step.particle_step import Newtonian, advance, derivative, lags, restart
 from particlesim.laws.registry import PASS
 from particlesim.model.arrays import zeros
 
@@ -236,6 +245,9 @@ def _rest(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, which: int)
                 return False
             if not lain:
                 room.wait[0] = IN_VAIN
+    if lags(program.method) and turning(program.contacts):
+        # What the method remembers is not known here.
+        return len(c.memory) > 0 or _lie(program, c, t, end, h, room, rest_behind, which)[0]
     alone = program.contacts.one_by_one is not None
     return _lie(program, c, t, end, h, room, rest_alone if alone else rest, which)[0]
 

@@ -66,6 +66,7 @@ from particlesim.engine.step.particle_step import (
 )
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
 from particlesim.engine.step.resting import NOISE, stays
+from particlesim.integrators.base import CompositionRecord
 from particlesim.laws.registry import PASS, gap_and_normal, moved_to
 
 MAX_IMPACTS = 1024
@@ -135,6 +136,62 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
 def rest_alone(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """`rest` for where each particle is looked at by itself."""
     return rest(contacts, p, q, h)
+
+
+def _rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    return rest(contacts, p, q, h) if contacts.one_by_one is None else rest_alone(contacts, p, q, h)
+
+
+def turning(contacts: Any) -> bool:
+    """Whether forces change along the way of what lies on some collider, none of which runs."""
+    turn = any(c.response.turning is not None for c in contacts.continuous)
+    return turn and not any(map(runs, contacts.continuous))
+
+
+def hastened(p: Any, v: Any) -> Any:
+    """A particle that is faster by v."""
+    return moved_to(p, p.x, p.y, p.z, p.vx + v[0], p.vy + v[1], p.vz + v[2], p.t)
+
+
+def with_places(p: Any, q: Any, a: Any, late: Any, h: Any) -> tuple[Any, Any, Any]:
+    """Both ends of a step with the velocities of their places, `late` more, and what they are late by at the end. What
+    friction has stopped begins with no velocity, and falls half as far as with one that is late by a."""
+    zero = h - h
+    begun, end = hastened(p, late), hastened(q, late)
+    still = (begun.vx == 0) & (begun.vy == 0) & (begun.vz == 0)
+    s = h if still else zero
+    end = moved_to(end, q.x - s * a[0], q.y - s * a[1], q.z - s * a[2], end.vx, end.vy, end.vz, end.t)
+    return begun, end, tuple(whole if still else part for whole, part in zip(a, late, strict=True))
+
+
+def along_contacts(contacts: Any, p: Any, a: Any, level: bool) -> Any:
+    """What of a change of the velocity of p no collider takes up that it touches, or, `level`, all that is along these;
+    nothing where friction has stopped it. And whether it touches one."""
+    slack, lies, still = rounding(contacts, p), False, (p.vx == 0) & (p.vy == 0) & (p.vz == 0)
+    x, y, z = a
+    for c in contacts.continuous:
+        g, normal = gap_and_normal(c, p)
+        zero = g - g
+        n = tuple(zero if axis is None else axis for axis in normal)
+        push = n[0] * x + n[1] * y + n[2] * z
+        touches = (g <= slack) & ((push <= 0) | level)
+        s, lies = push if touches else zero, lies | touches
+        x, y, z = x - s * n[0], y - s * n[1], z - s * n[2]
+        if c.response.friction is not None:
+            stopped = touches & still
+            x, y, z = zero if stopped else x, zero if stopped else y, zero if stopped else z
+    return (x, y, z), lies
+
+
+def rest_behind(contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    """`rest` for velocities that are half a step behind places, under forces that change along the way."""
+    half = type_of(h, 0.5)
+    a = half * (q.vx - p.vx), half * (q.vy - p.vy), half * (q.vz - p.vz)
+    late, _ = along_contacts(contacts, p, a, False)
+    begun, end, late = with_places(p, q, a, late, h)
+    r, calm = _rest(contacts, begun, end, h)
+    late, _ = along_contacts(contacts, r, late, True)
+    return hastened(r, tuple(-v for v in late)), calm
 
 
 def rough(colliders: Any) -> bool:
@@ -434,6 +491,23 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
     if len(contacts.continuous) == 0:
         q, after = advance(method, dynamics, forces, p, h, memory)
         legal, outcome, hit, exhausted, struck = p, PASS, silence(contacts.discrete, p), False, NOTHING
+    elif lags(method) and turning(contacts) and not isinstance(method, BentRecord):
+        full = on_time(method, forces, p, h, memory)
+        ahead_of = full.vx - p.vx, full.vy - p.vy, full.vz - p.vz
+        late, lies = along_contacts(contacts, p, ahead_of, False)
+        begun = hastened(p, late) if isinstance(method, CompositionRecord) else full
+        q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
+            centred(method, h, False), dynamics, forces, contacts, begun, h, restart(memory), CALM
+        )
+        if alone and not lies:
+            q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
+        elif ends != ENDED and isinstance(method, CompositionRecord):
+            full = delayed(method, forces, q, h)
+            back = q.vx - full.vx, q.vy - full.vy, q.vz - full.vz
+            if ends == LYING:
+                back, _ = along_contacts(contacts, q, back, False)
+            q = hastened(q, (-back[0], -back[1], -back[2]))
+        struck = _struck(ends, alone or lies)
     elif lags(method):
         free, _ = _step(centred(method, h, True), dynamics, forces, p, h, restart(memory))
         slack = rounding_of_step(contacts, p, free, h)
