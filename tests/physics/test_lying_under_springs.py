@@ -154,6 +154,22 @@ def test_dry_friction_takes_as_much_from_each_swing(method: str, ratio: float) -
     assert v[-1, 0, 0] == 0
 
 
+@pytest.mark.parametrize("method", ["symplectic_euler", "stormer_verlet", "velocity_verlet"])
+def test_a_swing_on_a_smooth_floor_is_one_in_flight(method: str) -> None:
+    """Störmer's rule had begun anew in each step there, with √(1 + (ω h)²) times the swing."""
+    x, _ = way(
+        1,
+        20.0,
+        0.02,
+        method,
+        particles=[points((0.2, 0, 0), mass=1.0, radius=0.0)],
+        forces=[{"type": "point_spring", "stiffness": 100.0, "anchor": [0, 0, 0]}, {"type": "gravity"}],
+        planes=[{"restitution": 0}],
+    )
+    assert np.abs(x[:, 0, 0]).max() < 0.2 * 1.03  # (ω h)²/2, as symplectic Euler swings by itself
+    assert np.abs(x[-40:, 0, 0]).max() > 0.2 * 0.97
+
+
 BOWLS: dict[str, dict[str, Any]] = {
     "sphere": {"type": "sphere", "radius": R, "inside": True},
     "cylinder": {"type": "cylinder", "start": [0, 0, -1], "end": [0, 0, 1], "radius": R, "inside": True},

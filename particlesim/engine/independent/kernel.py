@@ -236,6 +236,9 @@ def _meet(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: An
 def _rest(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, which: int) -> bool:
     """The step of the marked particles that rest on colliders, which then are no longer marked. Returns whether others are
     left."""
+    behind = lags(program.method) and turning(program.contacts)
+    if behind and len(c.memory) > 0:
+        return True  # what the method remembers is not known here
     if keeps_still(program.contacts):
         if room.wait[0] > 0:
             room.wait[0] -= 1
@@ -245,9 +248,8 @@ def _rest(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, which: int)
                 return False
             if not lain:
                 room.wait[0] = IN_VAIN
-    if lags(program.method) and turning(program.contacts):
-        # What the method remembers is not known here.
-        return len(c.memory) > 0 or _lie(program, c, t, end, h, room, rest_behind, which)[0]
+    if behind:
+        return _lie(program, c, t, end, h, room, rest_behind, which)[0]
     alone = program.contacts.one_by_one is not None
     return _lie(program, c, t, end, h, room, rest_alone if alone else rest, which)[0]
 
