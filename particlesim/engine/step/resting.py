@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.colliders.box import BoxRecord
 from particlesim.colliders.dents import dented
 from particlesim.colliders.plane import PlaneRecord
 from particlesim.colliders.pose import ShiftedRecord, TurnedRecord
@@ -37,7 +36,6 @@ from particlesim.colliders.response import (
     square,
     with_slide,
 )
-from particlesim.colliders.solid import HollowConvexRecord
 from particlesim.colliders.sphere import BowlRecord
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import ALONG_AXES, coarse, presses
@@ -118,24 +116,15 @@ def bends(c: Any) -> bool:
 
 
 def turns(c: Any) -> bool:
-    """Whether what presses on a collider may turn along the way there: forces do, or it is hollow and round."""
+    """Whether what presses on a collider may turn along the way there: forces do, or it is a hollow sphere."""
     return bends(c) and (c.response.turning is not None or round_hollow(c.shape))
 
 
 def round_hollow(shape: Any) -> bool:
-    """Whether a shape is the inside of a convex one with round sides."""
+    """Whether a shape is the inside of a sphere: other hollow ones have rims, where a step has no one tangent."""
     if isinstance(shape, (ShiftedRecord, TurnedRecord)):
         return round_hollow(shape.shape)
-    if isinstance(shape, HollowConvexRecord):
-        return not flat_sided(shape.shape)
     return isinstance(shape, BowlRecord)
-
-
-def flat_sided(shape: Any) -> bool:
-    """Whether a solid has flat sides alone, but for its edges."""
-    if isinstance(shape, (ShiftedRecord, TurnedRecord)):
-        return flat_sided(shape.shape)
-    return isinstance(shape, BoxRecord)
 
 
 def carried(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> tuple[Any, Any, Touch]:
@@ -158,7 +147,7 @@ def carried(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> tup
     s = h * press
     there = at_place(q, (q.x - s * up[0], q.y - s * up[1], q.z - s * up[2]), (q.vx, q.vy, q.vz))
     depth, n = sunk(c, p, touch.start, up, there)
-    rise, sharp = dot(flown, up), dented(c.shape) and not round_hollow(c.shape)
+    rise, sharp = dot(flown, up), dented(c.shape)
     begun, gone = turned(v, up, n, sharp), turned(flown, up, n, sharp)
     fall = dot(late, n)
     approach = rise + press + fall + dot(flown, n) - rise * dot(up, n)
