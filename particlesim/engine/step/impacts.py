@@ -65,7 +65,7 @@ from particlesim.engine.step.particle_step import (
     taken_off,
 )
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
-from particlesim.engine.step.resting import NOISE, stays, turns
+from particlesim.engine.step.resting import NOISE, stays
 from particlesim.integrators.base import CompositionRecord
 from particlesim.laws.registry import PASS, gap_and_normal, moved_to
 
@@ -144,7 +144,7 @@ def _rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
 
 def turning(contacts: Any) -> bool:
     """Whether forces change along the way of what lies on some collider, none of which runs."""
-    turn = any(c.response.turning is not None or turns(c) for c in contacts.continuous)
+    turn = any(c.response.turning is not None for c in contacts.continuous)
     return turn and not any(map(runs, contacts.continuous))
 
 

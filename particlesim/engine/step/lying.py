@@ -12,7 +12,7 @@ from particlesim.colliders.response import at_rest
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import SHALLOW, coarse
 from particlesim.engine.step.creases import crept, free_part, no_faster
-from particlesim.engine.step.resting import carried, held, lies, touched, turns
+from particlesim.engine.step.resting import bends, carried, held, lies, touched
 from particlesim.laws.registry import gap
 
 
@@ -31,17 +31,16 @@ def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
     frame."""
     if isinstance(c.shape, MovingRecord):
         s, end = ride_until(c.shape, p, q.t), ride(c.shape, q)
-        here, r, turn = _borne(at_rest(c), ride(c.shape, p), s, end, h, tolerance, slack, sure, False)
+        here, r, turn = _borne(at_rest(c), ride(c.shape, p), s, end, h, tolerance, slack, sure)
         return here, alight_after(c.shape, r, end), turn
-    return _borne(c, p, p, q, h, tolerance, slack, sure, True)
+    return _borne(c, p, p, q, h, tolerance, slack, sure)
 
 
-def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any, still: bool) -> Any:
-    """As `borne`, in the frame of the collider, unless it stands `still`; s is p with its velocity along the axes of the end
-    of the step."""
+def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    """As `borne`, in the frame of the collider; s is p with its velocity along the axes of the end of the step."""
     touch = touched(c, p, q)
     here = lies(c, p, q, touch, h, tolerance, slack, sure)
-    turning = turns(c) and (still or c.response.turning is not None)
+    turning = c.response.turning is not None and bends(c)
     if turning:
         start, end, way = carried(c, s, q, touch, h, tolerance)
         r, turn = held(c, start, end, way, h, tolerance, True)

@@ -24,7 +24,6 @@ import numpy as np
 
 from particlesim.colliders.dents import dented
 from particlesim.colliders.plane import PlaneRecord
-from particlesim.colliders.pose import ShiftedRecord, TurnedRecord
 from particlesim.colliders.response import (
     ResponseRecord,
     along,
@@ -36,7 +35,6 @@ from particlesim.colliders.response import (
     square,
     with_slide,
 )
-from particlesim.colliders.sphere import BowlRecord
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import ALONG_AXES, coarse, presses
 from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
@@ -113,18 +111,6 @@ def sunk(c: Any, p: Any, start: Any, up: Any, q: Any) -> Any:
 def bends(c: Any) -> bool:
     """Whether the surface of a collider may bend smoothly under what lies on it."""
     return not isinstance(c.shape, (PlaneRecord, *ALONG_AXES)) and c.response.belt is None
-
-
-def turns(c: Any) -> bool:
-    """Whether what presses on a collider may turn along the way there: forces do, or it is a hollow sphere."""
-    return bends(c) and (c.response.turning is not None or round_hollow(c.shape))
-
-
-def round_hollow(shape: Any) -> bool:
-    """Whether a shape is the inside of a sphere: other hollow ones have rims, where a step has no one tangent."""
-    if isinstance(shape, (ShiftedRecord, TurnedRecord)):
-        return round_hollow(shape.shape)
-    return isinstance(shape, BowlRecord)
 
 
 def carried(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> tuple[Any, Any, Touch]:
