@@ -8,19 +8,16 @@ from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
 from particlesim.engine.coupled.rebounds import note_rebound
 from particlesim.engine.state.columns import block_of, fetch, note, span, store, tire, type_of
+from particlesim.engine.step.at_rest import overlapped, respond, turning
 from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed
 from particlesim.engine.step.crossing import crossings, passable
 from particlesim.engine.step.hits import tell
-from particlesim.engine.step.impacts import (
-    BOUNCED,
-    LANDED,
-    NOTHING,
+from particlesim.engine.step.impacts import BOUNCED, LANDED, NOTHING, trace
+from particlesim.engine.step.lateness import (
     along_contacts,
     hastened,
-    overlapped,
-    respond,
-    trace,
-    turning,
+    lateness,
+    way_between,
     with_places,
 )
 from particlesim.engine.step.particle_step import BentRecord, Newtonian
@@ -96,21 +93,6 @@ def quick(rebounds: Any, p: Any, q: Any, h: Any) -> Any:
     x, y, z = q.vx - p.vx, q.vy - p.vy, q.vz - p.vz
     least = type_of(h, rebounds.slow * rebounds.slow) * (x * x + y * y + z * z)
     return p.vx * p.vx + p.vy * p.vy + p.vz * p.vz >= least
-
-
-def lateness(way: BentRecord, h: Any, quick: Any) -> Any:
-    """What velocities on a way lack to be those of the parabola through both ends of a step with the same change of the
-    velocity; nothing for what is not `quick`."""
-    k, half = h if quick else h - h, type_of(h, 0.5)
-    return tuple(k * (b - half * a) for a, b in zip(way.turn, way.bend, strict=True))
-
-
-def way_between(p: Any, q: Any, h: Any) -> BentRecord:
-    """The parabola through both ends of a step with the velocity at its beginning; velocities change evenly."""
-    k = type_of(h, 1) / h
-    turn = k * (q.vx - p.vx), k * (q.vy - p.vy), k * (q.vz - p.vz)
-    bend = k * (k * (q.x - p.x) - p.vx), k * (k * (q.y - p.y) - p.vy), k * (k * (q.z - p.z) - p.vz)
-    return BentRecord(turn, bend)
 
 
 @outlined

@@ -1,32 +1,7 @@
-"""What bounces in a step gives springs no energy.
+"""What bounces in a step gives springs no energy: their forces, and what `step.rebounds` makes of them.
 
-Impacts are followed on a parabola, with the acceleration a of a particle of mass m that would not bounce. An impact leads
-it elsewhere, by d, and springs pull otherwise there. Their energy changes by −∫ f·dd along the straight way, however many
-particles bounce; Simpson's rule finds that from the forces without and with the impacts of the step and halfway between,
-f, f' and f″. The parabola has counted −m a·d. The difference,
-
-    G = m a·d − (f + 4 f″ + f')·d/6,
-
-is taken from the velocity along d, which is that of the impact. Without it an elastic impact at a speed v gives k v² h²/6 in
-the mean, with a stiffness k and a step of h. Dampers and other forces are in it, too.
-
-Methods of second order that are reversible do not keep the energy, but to order h⁴
-
-    E + α h² v·V″v + β h² Σ f²/m,
-
-with α = 1/12 and β = −1/24 for leapfrogs, α = β = −1/24 for the implicit midpoint rule, and both 1/12 for the trapezoidal
-rule (Hairer, Lubich, Wanner, Geometric Numerical Integration, IX; V″ is the matrix of second derivatives of the potential).
-What an impact changes of it is in G, too: with w = (v + v')/2, Δ = v' − v and places halfway, forces f± at displacements
-of ±h w − ½ (β/α) h² (f + f')/m give
-
-    −α ((f₊ + f₋ − 2 f″)·d + h (f₊ − f₋)·Δ + h² (Δ²/d²) (f − 2 f″ + f')·d),
-
-and the velocity along d counts as h² V″ says. Of terms of higher order only the size is known: they may give as much as
-`UNSURE` (h² κ)³ of the energy along d, with κ the stiffness there over mass. Impacts give that away.
-
-Velocities are those of the places: with symplectic Euler v + ½ h f/m, in which way its energy is kept (`engine.shadow`), and
-with Störmer's rule u + ½ h f/m, u being that in the middle of the step. Impacts change forces at the end of a step, and not
-these velocities. What they differ by from those on the parabola is in G, too.
+Forces are looked at five times: with all particles where they would be without the impacts of the step, where they are with
+these, halfway between, and about a step behind and ahead of there.
 """
 
 from __future__ import annotations
@@ -40,15 +15,12 @@ from particlesim.compiler.barrier import meet
 from particlesim.engine.coupled.forces import evaluate
 from particlesim.engine.interactions.interaction import prepare_elements
 from particlesim.engine.state.columns import in_step, span, type_of
+from particlesim.engine.step.rebounds import slowed_along
 
 FREE, HIT, BETWEEN, BEHIND, AHEAD = range(5)
 """Where forces are looked at: without impacts, with them, halfway between, and from there about a step back and ahead."""
-SHORT = 10.0
-"""Impacts that are nearer to the end of a step than this part of it (1 over it) count as if they were that far from it."""
-UNSURE = 0.35
-"""Of tetrahedra of elastic beads with ω h up to 1.2 none of the methods gains energy then, but for its own swing."""
-MOST = 1.5
-"""How much of its energy along the normal an impact may get back, of what springs have taken: twice the speed."""
+WITHOUT, WITH_SERIES = (FREE, HIT, BETWEEN), (FREE, HIT, BETWEEN, BEHIND, AHEAD)
+"""Those that methods need of which only the energy is known, and those of which it is known what they keep."""
 
 
 def note_rebound(rebounds: Any, share: Any, i: Any, way: Any, q: Any) -> None:
@@ -179,46 +151,33 @@ def slide_on(c: Any, room: Any, k: Any, h: Any) -> None:
 @outlined
 def slow_down(c: Any, room: Any, k: Any, h: Any) -> None:
     """Change the speed along its displacement of the particle of column k."""
-    i, old, begun = room.rows[k], room.old * np.float64(h), room.begun * np.float64(h)
-    places, speeds, m = (c.x, c.y, c.z), (c.vx, c.vy, c.vz), np.float64(c.m[i])
-    gain, square, along, bend, turn, change, stiff, lean = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for axis in (0, 1, 2):
-        a, late = np.float64(room.way[axis, k]), np.float64(room.way[3 + axis, k])
-        free, hit, between = (np.float64(room.forces[3 * where + axis, k]) / m for where in range(3))
-        d = np.float64(places[axis][i]) - np.float64(room.free[axis, k])
-        # What a step begins with after contact is not old with Störmer's rule, as that is with which one ends.
-        lost = old * free - (old - begun) * a
-        v = np.float64(room.free[3 + axis, k]) + lost
-        w = np.float64(speeds[axis][i]) + begun * hit + (old - begun) * (free - a)
-        # (w² − (w + late − lost)² − v² + (v + late − lost)²)/2, with the velocities on the parabola
-        gain += (a - (free + 4 * between + hit) / 6) * d + (late - lost) * (v - w)
-        speeds[axis][i] = type_of(h, w - begun * hit)
-        square += d * d
-        along += w * d
-        stiff += (free - hit) * d
-        bend += (free - between - between + hit) * d
-        turn += (w - v) * d
-        change += (w - v) * (w - v)
-        if room.home is not None:
-            behind, ahead = (np.float64(room.forces[3 * where + axis, k]) / m for where in (BEHIND, AHEAD))
-            ways = (ahead + behind - between - between) * d + np.float64(h) * (ahead - behind) * (w - v)
-            gain -= room.series * ways
-            lean += room.series * np.float64(h) * (behind - ahead) * d
-    if square > 0 and along != 0:
-        length, part = np.sqrt(square), np.float64(h) * np.float64(h) / square
-        # Where other particles bounce as well, this is not their own stiffness alone: it is no more than this in a step
-        # that is stable.
-        stiff = min(max(part * stiff, -1.0), 1.0)
-        b, heavy = along / length, 1.0
-        if room.home is not None:
-            gain -= room.series * bend * min(part * change, SHORT * SHORT)
-            b += (lean + room.series * stiff * turn) / length
-            heavy += 2 * room.series * stiff
-        gain += 0.5 * UNSURE * b * b * max(stiff, 0.0) ** 3
-        gain = max(gain, -MOST * b * b)
-        # ½ heavy s² + b s + gain = 0
-        root = np.sqrt(max(b * b - 2 * heavy * gain, 0.0))
-        s = -2 * gain / (b + root if b > 0 else b - root) if root > 0 else -b / heavy
-        for axis in (0, 1, 2):
-            d = np.float64(places[axis][i]) - np.float64(room.free[axis, k])
-            speeds[axis][i] = type_of(h, np.float64(speeds[axis][i]) + s * d / length)
+    i = room.rows[k]
+    m = np.float64(c.m[i])
+    end = _row((c.x[i], c.y[i], c.z[i]))
+    places, v = _column(room.free, 0, k), _column(room.free, 3, k)
+    d = tuple(b - a for a, b in zip(places, end, strict=True))
+    w = slowed_along(
+        d,
+        v,
+        _row((c.vx[i], c.vy[i], c.vz[i])),
+        _column(room.way, 0, k),
+        _column(room.way, 3, k),
+        tuple(
+            tuple(f / m for f in _column(room.forces, 3 * where, k))
+            for where in (WITH_SERIES if room.home is not None else WITHOUT)
+        ),
+        (room.old, room.begun),
+        room.series,
+        np.float64(h),
+    )
+    for speeds, speed in zip((c.vx, c.vy, c.vz), w, strict=True):
+        speeds[i] = type_of(h, speed)
+
+
+def _row(numbers: Any) -> Any:
+    return tuple(np.float64(each) for each in numbers)
+
+
+def _column(rows: Any, first: int, k: Any) -> Any:
+    """Three numbers of column k, from the row `first` on."""
+    return np.float64(rows[first, k]), np.float64(rows[first + 1, k]), np.float64(rows[first + 2, k])

@@ -50,10 +50,11 @@ from particlesim.engine.state.columns import (
     tire,
     type_of,
 )
+from particlesim.engine.step.at_rest import overlapped
 from particlesim.engine.step.contacts import Simple, meet, pushed
 from particlesim.engine.step.crossing import crossings, passable
 from particlesim.engine.step.hits import tell
-from particlesim.engine.step.impacts import overlapped, trace
+from particlesim.engine.step.impacts import trace
 from particlesim.engine.step.particle_step import Rate, derivative, moved, stages, weigh
 from particlesim.engine.step.step_size import (
     MOST_STEPS,

@@ -35,6 +35,15 @@ from particlesim.engine.state.columns import (
     type_of,
     unless,
 )
+from particlesim.engine.step.at_rest import (
+    keeps_still,
+    overlapped,
+    rest,
+    rest_alone,
+    rest_behind,
+    stay,
+    turning,
+)
 from particlesim.engine.step.clearance import (
     AWAY,
     clearance,
@@ -52,17 +61,9 @@ from particlesim.engine.step.clearance import (
 from particlesim.engine.step.contacts import Simple, ends_inside, meet, pushed
 from particlesim.engine.step.crossing import crossings, may_pass, passable
 from particlesim.engine.step.hits import tell
-from particlesim.engine.step.impacts import (
-    keeps_still,
-    overlapped,
-    rest,
-    rest_alone,
-    rest_behind,
-    stay,
-    trace,
-    turning,
-)
-from particlesim.engine.step.particle_step import Newtonian, advance, derivative, lags, restart
+from particlesim.engine.step.impacts import trace
+from particlesim.engine.step.lateness import lags
+from particlesim.engine.step.particle_step import Newtonian, advance, derivative, restart
 from particlesim.laws.registry import PASS
 from particlesim.model.arrays import zeros
 

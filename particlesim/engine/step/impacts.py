@@ -27,45 +27,44 @@ import numpy as np
 
 from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord
-from particlesim.colliders.response import along, crossable
+from particlesim.colliders.response import along
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
+from particlesim.engine.step.at_rest import rough, runs, turning
 from particlesim.engine.step.contacts import (
-    ALONG_AXES,
     Careful,
     Simple,
     ahead,
     coarse,
-    ends_inside,
-    farther,
-    inside,
     loose,
     meet,
     nearest,
     nowhere,
-    pressed,
     rounding,
     rounding_of_step,
     shallow,
     sunk,
 )
 from particlesim.engine.step.creases import no_faster, wedged
-from particlesim.engine.step.crossing import all_apart, crossing, straight, turned_away
+from particlesim.engine.step.crossing import crossing, turned_away
 from particlesim.engine.step.hits import hear, silence
-from particlesim.engine.step.lying import borne, settled
-from particlesim.engine.step.particle_step import (
-    BentRecord,
-    advance,
+from particlesim.engine.step.lateness import (
+    along_contacts,
     centred,
     delayed,
+    hastened,
     lags,
+    leaps,
     on_time,
-    restart,
+    parabola,
     slowed,
     taken_off,
 )
+from particlesim.engine.step.lying import borne, settled_one
+from particlesim.engine.step.particle_step import BentRecord, Newtonian, advance, restart
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
-from particlesim.engine.step.resting import NOISE, stays
+from particlesim.engine.step.rebounds import settled_alone
+from particlesim.engine.step.resting import NOISE
 from particlesim.integrators.base import CompositionRecord
 from particlesim.laws.registry import PASS, gap_and_normal, moved_to
 
@@ -97,133 +96,6 @@ FLYING, LYING, ENDED = 0, 1, 2
 """How a particle ends its step: in flight, on a collider, or otherwise, as where it stuck."""
 
 
-def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
-    """Whether the step of h from p to q may meet a collider; never for simple contacts."""
-    if isinstance(contacts, Simple):
-        return False
-    met = ends_inside(contacts, q)
-    if not any(crossable(c) for c in contacts.continuous):
-        return met
-    nothing = nowhere(contacts.continuous)
-    met |= not all_apart(contacts.continuous, nothing, p, q, h, farther(contacts, p, q))
-    # A way that ends inside by less than rounding errors crosses nothing. What lies there must be held all the same: it
-    # would fall freely from step to step until it is deeper.
-    colliders, alone = tuple(c for c in contacts.continuous if crossable(c)), contacts.one_by_one is not None
-    return met | pressed(colliders, p, q, rounding(contacts, q), contacts.tolerance, alone)
-
-
-def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
-    """The end of a step from p that meets a collider before q, and whether it is rest, without an impact, so that there
-    is nothing to trace."""
-    slack, alone = rounding_of_step(contacts, p, q, h), contacts.one_by_one is not None
-    look = _settled if alone else settled
-    r, on, turn = look(contacts.continuous, p, q, h, contacts.tolerance, slack, False)
-    calm = any(on) & (turn >= 1)
-    if len(contacts.continuous) > 1 or crossable(
-        contacts.continuous[0]
-    ):  # else nothing has moved it off the plane
-        calm &= not loose(contacts.continuous, on, p, r, slack)
-    if rough(contacts.continuous):
-        still = (r.x == p.x) & (r.y == p.y) & (r.z == p.z) & (r.vx == 0) & (r.vy == 0) & (r.vz == 0)
-        calm &= still | (sum(on) <= 1)
-    calm &= not inside(contacts.continuous + contacts.discrete, on + nowhere(contacts.discrete), r, alone)
-    if any(crossable(c) for c in contacts.continuous):
-        calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r), alone)
-    return r, calm
-
-
-@outlined
-def rest_alone(contacts: Any, p: Any, q: Any, h: Any) -> Any:
-    """`rest` for where each particle is looked at by itself."""
-    return rest(contacts, p, q, h)
-
-
-def _rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
-    return rest(contacts, p, q, h) if contacts.one_by_one is None else rest_alone(contacts, p, q, h)
-
-
-def turning(contacts: Any) -> bool:
-    """Whether forces change along the way of what lies on some collider, none of which runs."""
-    turn = any(c.response.turning is not None for c in contacts.continuous)
-    return turn and not any(map(runs, contacts.continuous))
-
-
-def hastened(p: Any, v: Any) -> Any:
-    """A particle that is faster by v."""
-    return moved_to(p, p.x, p.y, p.z, p.vx + v[0], p.vy + v[1], p.vz + v[2], p.t)
-
-
-def with_places(p: Any, q: Any, a: Any, late: Any, h: Any) -> tuple[Any, Any, Any]:
-    """Both ends of a step with the velocities of their places, `late` more, and what they are late by at the end. What
-    friction has stopped begins with no velocity, and falls half as far as with one that is late by a."""
-    zero = h - h
-    begun, end = hastened(p, late), hastened(q, late)
-    still = (begun.vx == 0) & (begun.vy == 0) & (begun.vz == 0)
-    s = h if still else zero
-    end = moved_to(end, q.x - s * a[0], q.y - s * a[1], q.z - s * a[2], end.vx, end.vy, end.vz, end.t)
-    return begun, end, tuple(whole if still else part for whole, part in zip(a, late, strict=True))
-
-
-def along_contacts(contacts: Any, p: Any, a: Any, level: bool) -> Any:
-    """What of a change of the velocity of p no collider takes up that it touches, or, `level`, all that is along these;
-    nothing where friction has stopped it. And whether it touches one."""
-    slack, lies, still = rounding(contacts, p), False, (p.vx == 0) & (p.vy == 0) & (p.vz == 0)
-    x, y, z = a
-    for c in contacts.continuous:
-        g, normal = gap_and_normal(c, p)
-        zero = g - g
-        n = tuple(zero if axis is None else axis for axis in normal)
-        push = n[0] * x + n[1] * y + n[2] * z
-        touches = (g <= slack) & ((push <= 0) | level)
-        s, lies = push if touches else zero, lies | touches
-        x, y, z = x - s * n[0], y - s * n[1], z - s * n[2]
-        if c.response.friction is not None:
-            stopped = touches & still
-            x, y, z = zero if stopped else x, zero if stopped else y, zero if stopped else z
-    return (x, y, z), lies
-
-
-def rest_behind(contacts: Any, p: Any, q: Any, h: Any) -> Any:
-    """`rest` for velocities that are half a step behind places, under forces that change along the way."""
-    half = type_of(h, 0.5)
-    a = half * (q.vx - p.vx), half * (q.vy - p.vy), half * (q.vz - p.vz)
-    late, _ = along_contacts(contacts, p, a, False)
-    begun, end, late = with_places(p, q, a, late, h)
-    r, calm = _rest(contacts, begun, end, h)
-    late, _ = along_contacts(contacts, r, late, True)
-    return hastened(r, tuple(-v for v in late)), calm
-
-
-def rough(colliders: Any) -> bool:
-    """Whether friction may act between several colliders: it knows what presses on all of them only if they are looked at
-    together, also where they are at right angles."""
-    return len(colliders) > 1 and any(c.response.friction is not None for c in colliders)
-
-
-def keeps_still(contacts: Any) -> bool:
-    """Whether `stay` can tell anything: all colliders are planes along an axis that do not run."""
-    if isinstance(contacts, Simple) or len(contacts.continuous) == 0 or len(contacts.discrete) > 0:
-        return False
-    return all(isinstance(c.shape, ALONG_AXES) and c.response.belt is None for c in contacts.continuous)
-
-
-def stay(contacts: Any, p: Any, q: Any, h: Any) -> Any:
-    """As `rest`, in half of its time, for particles that were at rest on one plane before; of others it is not sure."""
-    slack, r = rounding_of_step(contacts, p, q, h), q
-    on: tuple[Any, ...] = ()
-    for c in contacts.continuous:
-        here, there = stays(c, p, q, h, contacts.tolerance, slack)
-        r, on = chosen(here, there, r), (*on, here)
-    return r, (sum(on) == 1) & (not inside(contacts.continuous, on, r))
-
-
-def respond(contacts: Any, p: Any) -> Any:
-    """Simple contacts at the end of a step; careful ones leave the particle to `trace`."""
-    if isinstance(contacts, Simple):
-        return meet(contacts.colliders, p)
-    return p, PASS
-
-
 @outlined
 def _separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
     """Push a particle out of all colliders; one that stays caught in a corner goes back to the legal place, unless that is
@@ -245,11 +117,6 @@ def _separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
 
 
 @outlined
-def _settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
-    return settled(colliders, p, q, h, tolerance, slack, sure)
-
-
-@outlined
 def _step(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
     return advance(method, dynamics, forces, p, h, memory)
 
@@ -264,7 +131,7 @@ def _glide(
     on, turn = nowhere(contacts.continuous), type_of(h, 1)
     if calm > LIVELY:
         slack, sure = rounding_of_step(contacts, p, q, h), calm == SURE
-        r, on, turn = _settled(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
+        r, on, turn = settled_one(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
         # The way along a shape with dents may end at another part of it: what is behind that does not matter.
         blocked = any(dented(c.shape) for c in contacts.continuous) & (turn < 1)
         wedge = rough(contacts.continuous) & (sum(on) > 1)
@@ -290,11 +157,6 @@ def _sunk(colliders: Any, on: Any, p: Any, q: Any, slack: Any) -> Any:
     return sunk(colliders, on, p, q, slack)
 
 
-def runs(c: Any) -> bool:
-    """Whether the surface of a collider moves."""
-    return isinstance(c.shape, MovingRecord) or c.response.belt is not None
-
-
 @outlined
 def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, sure: Any) -> Any:
     """The step of a particle that lies on several colliders, one of which moves it off or into another: on one of them,
@@ -317,7 +179,7 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
     if not found:
         sweeps = 0
         while turn >= 1 and _sunk(contacts.continuous, on, p, r, slack) and sweeps < MAX_SWEEPS:
-            r, more, turn = _settled(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
+            r, more, turn = settled_one(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
             on = tuple(one | other for one, other in zip(on, more, strict=True))
             sweeps += 1
         dents = any(dented(c.shape) for c in contacts.continuous)
@@ -491,44 +353,14 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
     if len(contacts.continuous) == 0:
         q, after = advance(method, dynamics, forces, p, h, memory)
         legal, outcome, hit, exhausted, struck = p, PASS, silence(contacts.discrete, p), False, NOTHING
-    elif lags(method) and turning(contacts) and not isinstance(method, BentRecord):
-        full = on_time(method, forces, p, h, memory)
-        ahead_of = full.vx - p.vx, full.vy - p.vy, full.vz - p.vz
-        late, lies = along_contacts(contacts, p, ahead_of, False)
-        begun = hastened(p, late) if isinstance(method, CompositionRecord) else full
-        q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
-            centred(method, h, False), dynamics, forces, contacts, begun, h, restart(memory), CALM
+    elif leaps(method) and turning(contacts):
+        q, after, outcome, hit, exhausted, legal, struck = _under_turning(
+            method, dynamics, forces, contacts, p, h, memory
         )
-        if alone and not lies:
-            q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
-        elif ends != ENDED and isinstance(method, CompositionRecord):
-            full = delayed(method, forces, q, h)
-            back = q.vx - full.vx, q.vy - full.vy, q.vz - full.vz
-            if ends == LYING:
-                back, _ = along_contacts(contacts, q, back, False)
-            q = hastened(q, (-back[0], -back[1], -back[2]))
-        struck = _struck(ends, alone or lies)
     elif lags(method):
-        free, _ = _step(centred(method, h, True), dynamics, forces, p, h, restart(memory))
-        slack = rounding_of_step(contacts, p, free, h)
-        _, on, _ = _settled(contacts.resting, p, free, h, contacts.tolerance, slack, False)
-        lies = any(on)
-        begun = p if lies else on_time(method, forces, p, h, memory)
-        # On what is elastic hops that are shorter than the step would not end.
-        elastic = [here & (c.response.bounce >= 2) for here, c in zip(on, contacts.continuous, strict=True)]
-        calm = SURE if any(elastic) else CALM
-        q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
-            centred(method, h, lies), dynamics, forces, contacts, begun, h, restart(memory), calm
+        q, after, outcome, hit, exhausted, legal, struck, _, _ = _on_time(
+            method, dynamics, forces, contacts, p, h, memory
         )
-        if alone and not lies:
-            q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
-        elif ends != ENDED:
-            late = delayed(method, forces, q, h)
-            if not lies:
-                q = slowed(q, late) if ends == LYING else late
-            elif ends == FLYING and not isinstance(method, BentRecord):
-                q = taken_off(q, late)
-        struck = _struck(ends, alone or lies)
     else:
         q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
             method, dynamics, forces, contacts, p, h, memory, CALM
@@ -540,6 +372,64 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
         q, outcome = _separate(contacts.discrete + contacts.continuous, q, legal, contacts)
         after, struck = restart(after), NOTHING
     return q, after, outcome, hit, exhausted, struck
+
+
+@outlined
+def _on_time(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
+    """The step of a method that `lags`, followed with the velocities of its places: as `trace`, but for discrete colliders,
+    with a place out of the others, how it ends the step, and whether it has met nothing."""
+    free, _ = _step(centred(method, h, True), dynamics, forces, p, h, restart(memory))
+    slack = rounding_of_step(contacts, p, free, h)
+    _, on, _ = settled_one(contacts.resting, p, free, h, contacts.tolerance, slack, False)
+    lies = any(on)
+    begun = p if lies else on_time(method, forces, p, h, memory)
+    # On what is elastic hops that are shorter than the step would not end.
+    elastic = [here & (c.response.bounce >= 2) for here, c in zip(on, contacts.continuous, strict=True)]
+    calm = SURE if any(elastic) else CALM
+    q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
+        centred(method, h, lies), dynamics, forces, contacts, begun, h, restart(memory), calm
+    )
+    if alone and not lies:
+        q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
+    elif ends != ENDED:
+        late = delayed(method, forces, q, h)
+        if not lies:
+            q = slowed(q, late) if ends == LYING else late
+        elif ends == FLYING and not isinstance(method, BentRecord):
+            q = taken_off(q, late)
+    return q, after, outcome, hit, exhausted, legal, _struck(ends, alone or lies), ends, alone and not lies
+
+
+@outlined
+def _under_turning(
+    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any
+) -> Any:
+    """As `_on_time`, of a leapfrog under forces that change along the way: on the parabola of its step, so that an impact
+    divides only the motion against it, and with what forces would give by the impact taken back (`rebounds`). Swings along
+    the surface, divided at each impact, would grow, as those in steps that change do."""
+    begun, lay = p, False
+    if lags(method):
+        begun = on_time(method, forces, p, h, memory)
+        late, lay = along_contacts(contacts, p, (begun.vx - p.vx, begun.vy - p.vy, begun.vz - p.vz), False)
+        begun = hastened(p, late) if isinstance(method, CompositionRecord) else begun
+    leapfrog = centred(method, h, False) if lags(method) else method
+    free, _ = _step(leapfrog, dynamics, forces, begun, h, ())
+    way = parabola(begun, free, h)
+    q, _, outcome, hit, exhausted, legal, struck, ends, alone = _on_time(
+        way, Newtonian(), (), contacts, begun, h, ()
+    )
+    if alone and not lay:
+        q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
+        return q, after, outcome, hit, exhausted, legal, struck
+    if struck == BOUNCED:
+        q = settled_alone(forces, way, free, q, h)
+    if isinstance(method, CompositionRecord) and lags(method) and ends != ENDED:
+        end = delayed(method, forces, q, h)
+        back = q.vx - end.vx, q.vy - end.vy, q.vz - end.vz
+        if ends == LYING:
+            back, _ = along_contacts(contacts, q, back, False)
+        q = hastened(q, (-back[0], -back[1], -back[2]))
+    return q, restart(memory), outcome, hit, exhausted, legal, struck
 
 
 def _struck(ends: Any, calm: Any) -> Any:

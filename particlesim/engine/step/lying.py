@@ -9,6 +9,7 @@ import numpy as np
 from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord, alight_after, ride, ride_until
 from particlesim.colliders.response import at_rest
+from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import SHALLOW, coarse
 from particlesim.engine.step.creases import crept, free_part, no_faster
@@ -24,6 +25,12 @@ def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, 
     here, r, turn = borne(colliders[0], p, q, h, tolerance, slack, sure)
     q, others, first = settled(colliders[1:], p, chosen(here, r, q), h, tolerance, slack, sure)
     return q, (here, *others), min(turn if here else type_of(h, 1), first)
+
+
+@outlined
+def settled_one(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    """`settled`, for where it is looked at one particle by itself."""
+    return settled(colliders, p, q, h, tolerance, slack, sure)
 
 
 def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:

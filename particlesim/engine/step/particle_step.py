@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from particlesim.engine.state.columns import type_of
 from particlesim.integrators.adaptive import EmbeddedRecord
 from particlesim.integrators.base import CompositionRecord, RungeKuttaRecord, VerletRecord
 from particlesim.laws.registry import force, moved_to, velocity
@@ -212,72 +211,6 @@ def bent(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -
     (x, y, z), (ax, ay, az) = method.bend, method.turn
     place = p.x + h * (p.vx + h * x), p.y + h * (p.vy + h * y), p.z + h * (p.vz + h * z)
     return moved_to(p, *place, p.vx + h * ax, p.vy + h * ay, p.vz + h * az, p.t + h), memory
-
-
-def lags(method: Any) -> bool:
-    """Whether the velocities of a method are not those of its places: it is a leapfrog like velocity Verlet, which has the
-    same places and, at these, the velocities `on_time` (Hairer, Lubich, Wanner, Geometric Numerical Integration, I.3.1)."""
-    if isinstance(method, BentRecord):
-        return method.late is not None
-    return isinstance(method, VerletRecord) or (
-        isinstance(method, CompositionRecord) and len(method.kicks) == 1
-    )
-
-
-def centred(method: Any, h: Any, lies: Any) -> Any:
-    """A method that `lags` with the same places after steps of h and the velocities of these; as it is for a particle that
-    `lies`, which has no velocity that is late, as its forces and those of contact cancel."""
-    one, half, zero = type_of(h, 1), type_of(h, 0.5), h - h
-    if isinstance(method, BentRecord):
-        part = zero if lies else one / h
-        bend = tuple(b - part * v for b, v in zip(method.bend, method.late, strict=True))
-        return BentRecord(method.turn, bend)
-    whole = lies and isinstance(method, CompositionRecord)
-    return CompositionRecord((one if whole else half, zero if whole else half), (one, None))
-
-
-def on_time(method: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
-    """A particle between steps of h with the velocity of its place, of a method that `lags`."""
-    half = type_of(h, 0.5)
-    if isinstance(method, BentRecord):
-        vx, vy, vz = method.late
-        return moved_to(p, p.x, p.y, p.z, p.vx + vx, p.vy + vy, p.vz + vz, p.t)
-    if isinstance(method, CompositionRecord):
-        return kick(half, forces, p, h)
-    ux, uy, uz, known = memory
-    q = kick(half, forces, moved_to(p, p.x, p.y, p.z, ux, uy, uz, p.t), h)
-    late = known == h
-    vx, vy, vz = q.vx if late else p.vx, q.vy if late else p.vy, q.vz if late else p.vz
-    return moved_to(p, p.x, p.y, p.z, vx, vy, vz, p.t)
-
-
-def delayed(method: Any, forces: Any, q: Any, h: Any) -> Any:
-    """The opposite of `on_time`, where the method goes on without a memory."""
-    if isinstance(method, BentRecord):
-        vx, vy, vz = method.late
-        return moved_to(q, q.x, q.y, q.z, q.vx - vx, q.vy - vy, q.vz - vz, q.t)
-    return q if isinstance(method, VerletRecord) else kick(type_of(h, -0.5), forces, q, h)
-
-
-def slowed(q: Any, late: Any) -> Any:
-    """A particle that has come to lie on something, with the part along its velocity of that which is `delayed`, down to 0:
-    across it contact cancels what forces change."""
-    k = max(_part_along(q, late), q.x - q.x)
-    return moved_to(q, q.x, q.y, q.z, k * q.vx, k * q.vy, k * q.vz, q.t)
-
-
-def taken_off(q: Any, late: Any) -> Any:
-    """A particle that has left what it lay on, with the other part: along its way it has been late there, too."""
-    k = type_of(q.x, 1) - _part_along(q, late)
-    vx, vy, vz = late.vx + k * q.vx, late.vy + k * q.vy, late.vz + k * q.vz
-    return moved_to(q, q.x, q.y, q.z, vx, vy, vz, q.t)
-
-
-def _part_along(q: Any, late: Any) -> Any:
-    """The part of a velocity along another one, over this: 1 where there is none."""
-    square = q.vx * q.vx + q.vy * q.vy + q.vz * q.vz
-    along = late.vx * q.vx + late.vy * q.vy + late.vz * q.vz
-    return along / square if square > 0 else type_of(square, 1)
 
 
 STEPS: dict[type, Callable[..., Any]] = {
