@@ -156,7 +156,7 @@ def slow_down(c: Any, room: Any, k: Any, h: Any) -> None:
     end = _row((c.x[i], c.y[i], c.z[i]))
     places, v = _column(room.free, 0, k), _column(room.free, 3, k)
     d = tuple(b - a for a, b in zip(places, end, strict=True))
-    w = slowed_along(
+    w, _ = slowed_along(
         d,
         v,
         _row((c.vx[i], c.vy[i], c.vz[i])),
@@ -167,7 +167,7 @@ def slow_down(c: Any, room: Any, k: Any, h: Any) -> None:
             for where in (WITH_SERIES if room.home is not None else WITHOUT)
         ),
         (room.old, room.begun),
-        room.series,
+        (room.series, room.beyond),
         np.float64(h),
     )
     for speeds, speed in zip((c.vx, c.vy, c.vz), w, strict=True):

@@ -11,6 +11,7 @@ from particlesim.engine.constraints.constraint import Constraint
 from particlesim.engine.interactions.bond_layout import shares
 from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.state.prescribed import Driven
+from particlesim.engine.step.rebounds import LEAPFROG
 from particlesim.integrators.adaptive import EmbeddedRungeKutta
 from particlesim.integrators.base import Composition, Method, RungeKutta, Verlet
 from particlesim.integrators.implicit import ImplicitMethod
@@ -74,8 +75,8 @@ class Rebounds(NamedTuple):
     older than places: those at the end of a step, and those with which one begins after contact. `slow`: up to what speed
     particles rest, in those that forces give in a step; or None. `between`: an empty tuple where the method remembers
     velocities between places, `behind`: one where they are half a step behind places, and nothing lies on other particles;
-    else None. `series` and `aside`: α and −½ β/α of what the method keeps (`rebounds`), 0 and without `home` where that is
-    the energy."""
+    else None. `series`, `aside` and `beyond`: α, −½ β/α and γ α/β of what the method keeps (`step.rebounds`), 0 and without
+    `home` where that is the energy."""
 
     rows: Any
     lies: Any
@@ -92,6 +93,7 @@ class Rebounds(NamedTuple):
     behind: Any
     series: Any
     aside: Any
+    beyond: Any
 
 
 class Work(NamedTuple):
@@ -205,9 +207,9 @@ def new_rebounds(method: Method, count: int, dtype: Any, *, heaps: bool) -> Rebo
     if isinstance(method, Composition):
         begun = 0.5 - float(np.dot(method.kicks, np.cumsum([0.0, *method.drifts[:-1]])))
         leaps = len(method.kicks) <= 2
-    series, aside = (1 / 12, 1 / 4) if leaps else (0.0, 0.0)
+    series, aside, beyond = LEAPFROG if leaps else (0.0, 0.0, 0.0)
     if isinstance(method, ImplicitMethod):
-        series, aside = (-1 / 24 if method.ahead else 1 / 12), -1 / 2
+        series, aside, beyond = (-1 / 24 if method.ahead else 1 / 12), -1 / 2, 0.0
     old = 0.5 if isinstance(method, Verlet) else begun
     slow, between = SLOW if heaps else None, () if isinstance(method, Verlet) else None
     behind = () if begun and not heaps else None
@@ -215,9 +217,8 @@ def new_rebounds(method: Method, count: int, dtype: Any, *, heaps: bool) -> Rebo
     around = np.zeros((6, count), dtype) if series or begun else None
     home = np.zeros((3, count), dtype) if series else None
     rows, lies = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-    return Rebounds(
-        rows, lies, free, hit, way, forces, around, home, old, begun, slow, between, behind, series, aside
-    )
+    room = rows, lies, free, hit, way, forces, around, home
+    return Rebounds(*room, old, begun, slow, between, behind, series, aside, beyond)
 
 
 def share_out(

@@ -218,6 +218,9 @@ def _time_of_impact(
         sooner = now * (seen / depth)
         q, _, on, _ = _glide(method, dynamics, forces, contacts, p, sooner, memory, calm)
         return sooner if ahead(contacts, on, q) < 0 else now
+    if now < late:
+        # Before, as after a rebound, gaps are rounding errors, which may well be an overlap.
+        early, above = now, -depth
     side = 0
     for turn in range(MAX_HALVINGS):
         middle = early + (late - early) * half
@@ -400,6 +403,20 @@ def _on_time(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: 
     return q, after, outcome, hit, exhausted, legal, _struck(ends, alone or lies), ends, alone and not lies
 
 
+def without_rebounds(contacts: Careful) -> Careful:
+    """The same contacts, where nothing rebounds."""
+    return Careful(
+        contacts.resting,
+        contacts.resting,
+        contacts.discrete,
+        contacts.tolerance,
+        contacts.reach,
+        contacts.one_by_one,
+        contacts.soft,
+        contacts.sized_by,
+    )
+
+
 @outlined
 def _under_turning(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any
@@ -422,7 +439,15 @@ def _under_turning(
         q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
         return q, after, outcome, hit, exhausted, legal, struck
     if struck == BOUNCED:
-        q = settled_alone(forces, way, free, q, h)
+        q, lacks = settled_alone(forces, way, free, q, h)
+        if lacks:
+            # It would go farther than its speed can pay: it rebounds from nothing in this step.
+            dull = without_rebounds(contacts)
+            q, _, outcome, _, exhausted, legal, struck, ends, _ = _on_time(
+                way, Newtonian(), (), dull, begun, h, ()
+            )
+            if struck == BOUNCED:
+                q, _ = settled_alone(forces, way, free, q, h)
     if isinstance(method, CompositionRecord) and lags(method) and ends != ENDED:
         end = delayed(method, forces, q, h)
         back = q.vx - end.vx, q.vy - end.vy, q.vz - end.vz

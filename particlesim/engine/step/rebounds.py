@@ -12,17 +12,23 @@ the mean, with a stiffness k and a step of h. Dampers and other forces are in it
 
 Methods of second order that are reversible do not keep the energy, but to order h⁴
 
-    E + α h² v·V″v + β h² Σ f²/m,
+    E + α h² v·V″v + β h² Σ f²/m + γ h⁴ Σ f·V″f/m²,
 
 with α = 1/12 and β = −1/24 for leapfrogs, α = β = −1/24 for the implicit midpoint rule, and both 1/12 for the trapezoidal
 rule (Hairer, Lubich, Wanner, Geometric Numerical Integration, IX; V″ is the matrix of second derivatives of the potential).
+Where forces are linear, γ = −1/48 makes it exact for leapfrogs, which keep E − ⅛ h² Σ f²/m then, and this times
+1 + h² V″/6m; it is 0 for the other two, which keep E.
 What an impact changes of it is in G, too: with w = (v + v')/2, Δ = v' − v and places halfway, forces f± at displacements
 of ±h w − ½ (β/α) h² (f + f')/m give
 
-    −α ((f₊ + f₋ − 2 f″)·d + h (f₊ − f₋)·Δ + h² (Δ²/d²) (f − 2 f″ + f')·d),
+    −α ((f₊ + f₋ − 2 f″)·d + h (f₊ − f₋)·Δ + h² (Δ²/d²) (f − 2 f″ + f')·d) + γ (α/β) h² (f₊ + f₋ − 2 f″)·(f' − f),
 
-and the velocity along d counts as h² V″ says. Of terms of higher order only the size is known: they may give as much as
-`UNSURE` (h² κ)³ of the energy along d, with κ the stiffness there over mass. Impacts give that away.
+and the velocity along d counts as h² V″ says. Of other terms only the size is known: with κ the stiffness along d over mass,
+they may give `UNSURE` (h² κ)⁵ of the energy there, and as much as `BENT` (h² κ)² times the part of the force that is not
+linear. Impacts give that away.
+
+A fast particle may end so far from where forces pull that the velocity along d does not pay for it: that across gives the
+rest, and one that steps alone does not rebound in this step.
 
 Velocities are those of the places: with symplectic Euler v + ½ h f/m, in which way its energy is kept (`engine.shadow`), and
 with Störmer's rule u + ½ h f/m, u being that in the middle of the step. Impacts change forces at the end of a step, and not
@@ -40,12 +46,15 @@ from particlesim.engine.step.particle_step import BentRecord
 from particlesim.engine.step.resting import dot
 from particlesim.laws.registry import force, moved_to
 
-LEAPFROG = 1 / 12, 1 / 4
-"""α and −½ β/α of leapfrogs."""
+LEAPFROG = 1 / 12, 1 / 4, 1 / 24
+"""α, −½ β/α and γ α/β of leapfrogs."""
 SHORT = 10.0
 """Impacts that are nearer to the end of a step than this part of it (1 over it) count as if they were that far from it."""
-UNSURE = 0.35
-"""Of tetrahedra of elastic beads with ω h up to 1.2 none of the methods gains energy then, but for its own swing."""
+STIFFEST = 4.0
+"""(h ω)² at the limit of stability of leapfrogs."""
+UNSURE, BENT = 0.1, 1.0
+"""Of tetrahedra of elastic beads, and of particles in wells that are far from linear, none with ω h up to 1.2 gains energy
+then, but for its own swing."""
 MOST = 1.5
 """How much of its energy along the normal an impact may get back, of what forces have taken: twice the speed."""
 
@@ -55,11 +64,11 @@ def slowed_along(
     d: Any, v: Any, w: Any, turn: Any, lateness: Any, forces: Any, ages: Any, series: Any, h: Any
 ) -> Any:
     """The velocity w at the end of a step h with impacts, v without, less what forces have given by these along the
-    displacement d; all in double precision.
+    displacement d, and whether that was too little; all in double precision.
 
     On the parabola the velocity changes by `turn` in a unit of time, and lacks `lateness`. `forces`, over mass: without
-    impacts, with them, halfway, and a step behind and ahead of there; the first three where `series`, α above, is 0.
-    `ages`: by what parts of a step velocities are older than places at its end, and where one begins after contact.
+    impacts, with them, halfway, and a step behind and ahead of there; the first three where `series`, α and γ α/β, is 0. `ages`: by
+    what parts of a step velocities are older than places at its end, and where one begins after contact.
     """
     free, hit, between = forces[:3]
     old, begun = h * ages[0], h * ages[1]
@@ -73,35 +82,48 @@ def slowed_along(
     gain = dot(tuple(a - f for a, f in zip(turn, mean, strict=True)), d)
     gain -= dot(tuple(b - s for b, s in zip(lateness, lost, strict=True)), change)
     square, along = dot(d, d), dot(w, d)
-    length, b, heavy, s = np.sqrt(square), 0.0, 1.0, 0.0
+    s, lack = 0.0, 0.0
     if square > 0 and along != 0:
-        part, b = h * h / square, along / length
-        # Where other particles bounce as well, this is not their own stiffness alone: it is no more than this in a step
-        # that is stable.
-        stiff = min(max(part * dot(tuple(f - g for f, g in zip(free, hit, strict=True)), d), -1.0), 1.0)
+        length, part = np.sqrt(square), h * h / square
+        differ = tuple(g - f for f, g in zip(free, hit, strict=True))
+        steep, warp, b, heavy = -dot(differ, d), 0.0, along / length, 1.0
+        stiff = min(max(part * steep, -STIFFEST), STIFFEST)
         if len(forces) > 3:
             behind, ahead = forces[3:]
             both = tuple(x + y - m - m for x, y, m in zip(behind, ahead, between, strict=True))
             apart = tuple(x - y for x, y in zip(ahead, behind, strict=True))
-            bend = tuple(f - m - m + g for f, m, g in zip(free, between, hit, strict=True))
-            gain -= series * (dot(both, d) + h * dot(apart, change))
-            gain -= series * dot(bend, d) * min(part * dot(change, change), SHORT * SHORT)
-            b += series * (stiff * dot(change, d) - h * dot(apart, d)) / length
-            heavy += 2 * series * stiff
-        gain += 0.5 * UNSURE * b * b * max(stiff, 0.0) ** 3
+            bend = dot(tuple(f - m - m + g for f, m, g in zip(free, between, hit, strict=True)), d)
+            gain -= series[0] * (dot(both, d) + h * dot(apart, change))
+            gain -= series[0] * bend * min(part * dot(change, change), SHORT * SHORT)
+            gain += series[1] * h * h * dot(both, differ)
+            b += series[0] * (stiff * dot(change, d) - h * dot(apart, d)) / length
+            heavy += 2 * series[0] * stiff
+            warp = abs(bend / steep) if abs(bend) < abs(steep) else 1.0
+        stiff = max(stiff, 0.0)
+        gain += 0.5 * b * b * (UNSURE * stiff**5 + BENT * warp * stiff * stiff)
         gain = max(gain, -MOST * b * b)
         # ½ heavy s² + b s + gain = 0
-        root = np.sqrt(max(b * b - 2 * heavy * gain, 0.0))
+        enough = b * b - 2 * heavy * gain
+        lack = -min(enough, 0.0) / heavy
+        root = np.sqrt(max(enough, 0.0))
         s = -2 * gain / (b + root if b > 0 else b - root) if root > 0 else -b / heavy
         s = s / length
-    return tuple(b - g + s * axis for b, g, axis in zip(w, told, d, strict=True))
+    ends = tuple(b + s * axis for b, axis in zip(w, d, strict=True))
+    if lack > 0:
+        # What the velocity along d has not, that across it gives.
+        along = dot(ends, d) / square
+        across = tuple(b - along * axis for b, axis in zip(ends, d, strict=True))
+        had = dot(across, across)
+        kept = np.sqrt(max(had - lack, 0.0) / had) if had > 0 else 0.0
+        ends = tuple(along * axis + kept * b for b, axis in zip(across, d, strict=True))
+    return tuple(b - g for b, g in zip(ends, told, strict=True)), lack > 0
 
 
 @outlined
 def settled_alone(forces: Any, way: BentRecord, free: Any, hit: Any, h: Any) -> Any:
     """The end `hit` of a step of h along the `way` of a leapfrog, which would have ended at `free` without impacts, less the
-    speed that forces have given it by these. All velocities are those of their places."""
-    series, aside = LEAPFROG
+    speed that forces have given it by these; and whether that was too little. All velocities are those of their places."""
+    alpha, aside, beyond = LEAPFROG
     x, v, w = (hit.x, hit.y, hit.z), (free.vx, free.vy, free.vz), (hit.vx, hit.vy, hit.vz)
     d = tuple(b - a for a, b in zip((free.x, free.y, free.z), x, strict=True))
     mean = tuple(0.5 * (a + b) for a, b in zip(v, w, strict=True))
@@ -110,8 +132,9 @@ def settled_alone(forces: Any, way: BentRecord, free: Any, hit: Any, h: Any) -> 
     fall = tuple(aside * h * h * (a + b) for a, b in zip(f, g, strict=True))
     behind = _acceleration(forces, _led(half, tuple(s - h * u for s, u in zip(fall, mean, strict=True))))
     ahead = _acceleration(forces, _led(half, tuple(s + h * u for s, u in zip(fall, mean, strict=True))))
-    v = slowed_along(d, v, w, way.turn, way.late, (f, g, m, behind, ahead), (0.0, 0.0), series, h)
-    return moved_to(hit, *x, *v, hit.t)
+    looks, ages = (f, g, m, behind, ahead), (0.0, 0.0)
+    ends, lacks = slowed_along(d, v, w, way.turn, way.late, looks, ages, (alpha, beyond), h)
+    return moved_to(hit, *x, *ends, hit.t), lacks
 
 
 def _acceleration(forces: Any, p: Any) -> Any:
