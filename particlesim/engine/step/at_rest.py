@@ -28,7 +28,7 @@ from particlesim.engine.step.contacts import (
 from particlesim.engine.step.crossing import all_apart, straight
 from particlesim.engine.step.lateness import along_contacts, hastened, with_places
 from particlesim.engine.step.lying import settled, settled_one
-from particlesim.engine.step.resting import stays
+from particlesim.engine.step.resting import stays, turns
 from particlesim.laws.registry import PASS
 
 
@@ -78,9 +78,14 @@ def _rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
 
 
 def turning(contacts: Any) -> bool:
-    """Whether forces change along the way of what lies on some collider, none of which runs."""
-    turn = any(c.response.turning is not None for c in contacts.continuous)
+    """Whether what presses may change along the way of what lies on some collider, none of which runs."""
+    turn = turned(contacts) or any(turns(c) for c in contacts.continuous)
     return turn and not any(map(runs, contacts.continuous))
+
+
+def turned(contacts: Any) -> bool:
+    """Whether forces change along the way."""
+    return any(c.response.turning is not None for c in contacts.continuous)
 
 
 def rest_behind(contacts: Any, p: Any, q: Any, h: Any) -> Any:
@@ -90,7 +95,8 @@ def rest_behind(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     late, _ = along_contacts(contacts, p, a, False)
     begun, end, late = with_places(p, q, a, late, h)
     r, calm = _rest(contacts, begun, end, h)
-    late, _ = along_contacts(contacts, r, late, True)
+    # A force that turns along the way does so as the surface; one that does not is met by another normal at the end.
+    late, _ = along_contacts(contacts, r, late if turned(contacts) else a, True)
     return hastened(r, tuple(-v for v in late)), calm
 
 

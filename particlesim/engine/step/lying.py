@@ -13,7 +13,7 @@ from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import SHALLOW, coarse
 from particlesim.engine.step.creases import crept, free_part, no_faster
-from particlesim.engine.step.resting import bends, carried, held, lies, touched
+from particlesim.engine.step.resting import carried, held, lies, touched, turns, with_energy
 from particlesim.laws.registry import gap
 
 
@@ -38,19 +38,22 @@ def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
     frame."""
     if isinstance(c.shape, MovingRecord):
         s, end = ride_until(c.shape, p, q.t), ride(c.shape, q)
-        here, r, turn = _borne(at_rest(c), ride(c.shape, p), s, end, h, tolerance, slack, sure)
+        here, r, turn = _borne(at_rest(c), ride(c.shape, p), s, end, h, tolerance, slack, sure, False)
         return here, alight_after(c.shape, r, end), turn
-    return _borne(c, p, p, q, h, tolerance, slack, sure)
+    return _borne(c, p, p, q, h, tolerance, slack, sure, True)
 
 
-def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
-    """As `borne`, in the frame of the collider; s is p with its velocity along the axes of the end of the step."""
+def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any, still: bool) -> Any:
+    """As `borne`, in the frame of the collider, unless it stands `still`; s is p with its velocity along the axes of the end
+    of the step."""
     touch = touched(c, p, q)
     here = lies(c, p, q, touch, h, tolerance, slack, sure)
-    turning = c.response.turning is not None and bends(c)
+    turning = turns(c) and (still or c.response.turning is not None)
     if turning:
         start, end, way = carried(c, s, q, touch, h, tolerance)
         r, turn = held(c, start, end, way, h, tolerance, True)
+        if c.response.turning is None:
+            r = with_energy(c, s, q, r, touch.up, way.normal, h)
     else:
         r, turn = held(c, s, q, touch, h, tolerance)
     if dented(c.shape):

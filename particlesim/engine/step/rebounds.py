@@ -67,8 +67,8 @@ def slowed_along(
     displacement d, and whether that was too little; all in double precision.
 
     On the parabola the velocity changes by `turn` in a unit of time, and lacks `lateness`. `forces`, over mass: without
-    impacts, with them, halfway, and a step behind and ahead of there; the first three where `series`, α and γ α/β, is 0. `ages`: by
-    what parts of a step velocities are older than places at its end, and where one begins after contact.
+    impacts, with them, halfway, and a step behind and ahead of there; the first three where `series` (α and γ α/β above)
+    is 0. `ages`: by what parts of a step velocities are older than places at its end, and where one begins after contact.
     """
     free, hit, between = forces[:3]
     old, begun = h * ages[0], h * ages[1]

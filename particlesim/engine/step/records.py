@@ -15,6 +15,7 @@ from particlesim.emitters import Emitter
 from particlesim.engine.step.contacts import Careful, Simple
 from particlesim.engine.step.particle_step import Newtonian, Overdamped, Tracer
 from particlesim.engine.step.program import Program
+from particlesim.engine.step.resting import round_inside
 from particlesim.forces import Force
 from particlesim.graph.graph import Island
 from particlesim.groups.group import FirstOrder, Group, Particles, TracerMotion
@@ -57,12 +58,13 @@ def contacts_record(
     smooth: bool = False,
     few: int = FEW,
     turning: bool = False,
+    even: bool = False,
 ) -> Simple | Careful:
     """What the particles of a group may touch, in the simplest form that is right. `heard` are the numbers of those to whose
     impacts emitters react, None for others; none unless given. `smooth`: without friction. `few`: how many colliders that
     are not planes are met in vectors at most; where there are more, each particle near them is looked at by itself.
-    `turning`: forces
-    depend on the place, and may turn along the way of what lies on a collider."""
+    `turning`: forces depend on the place, and may turn along the way of what lies on a collider. `even`: they do not, and
+    velocities are those of the places, or known to be late."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
         bounds = (edge(*group.die.outside),)
@@ -74,6 +76,8 @@ def contacts_record(
         records = {key: without_friction(each) for key, each in records.items()}
     if turning:
         records = {key: under_turning(each) for key, each in records.items()}
+    if even:
+        records = {key: under_even(each) for key, each in records.items()}
     soft = tuple(each.record() for each in colliders if each.soft and not inert)
     hard = [each for each in colliders if inert or not each.soft]
     continuous = [records[id(each)] for each in hard if each.detection == "continuous" and not inert]
@@ -103,6 +107,11 @@ def _numbered(c: ColliderRecord, number: int | None) -> ColliderRecord:
 def under_turning(c: ColliderRecord) -> ColliderRecord:
     """The same collider under forces that may turn along the way of what lies on it."""
     return c._replace(response=c.response._replace(turning=()))
+
+
+def under_even(c: ColliderRecord) -> ColliderRecord:
+    """The same collider under forces that are the same all along it, if that matters there."""
+    return c._replace(response=c.response._replace(even=())) if round_inside(c.shape) else c
 
 
 def without_rebound(c: ColliderRecord) -> ColliderRecord:
@@ -146,6 +155,7 @@ def group_program(
             island.heard[0] if island.heard else (),
             few=SOME if island.method.memory else FEW,
             turning=any(force.by_place for force in forces),
+            even=not any(force.by_place for force in forces),
         ),
     )
     return as_precision(program, dtype)

@@ -22,8 +22,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.colliders.box import BoxRecord
 from particlesim.colliders.dents import dented
 from particlesim.colliders.plane import PlaneRecord
+from particlesim.colliders.pose import ShiftedRecord, TurnedRecord
 from particlesim.colliders.response import (
     ResponseRecord,
     along,
@@ -35,6 +37,8 @@ from particlesim.colliders.response import (
     square,
     with_slide,
 )
+from particlesim.colliders.solid import HollowConvexRecord
+from particlesim.colliders.sphere import BowlRecord
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import ALONG_AXES, coarse, presses
 from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
@@ -60,6 +64,9 @@ def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any, slack: An
         & (h * along(n, p) >= level)
         & (c.response.bounce < 2)
     )
+    if glides_in(c):
+        # Along a round side nothing hops, however fast it is.
+        calm |= (h * along(n, p) >= level) & (c.response.bounce < 2)
     calm |= abs(coasting) <= slack
     if coarse(tolerance):
         # A slow impact is no deeper than rounding errors, either: velocities tell it from rest.
@@ -71,6 +78,10 @@ def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any, slack: An
     calm &= same_face(c, touch)
     down = presses(touch.depth, touch.normal, q, slack, tolerance)
     return (touch.start <= slack) & down & calm & (c.response.outcome == PASS)
+
+
+LESS = 1.01
+"""How much nearer than its energy allows a swing ends: what lifts it onto the surface again is less than that."""
 
 
 class Touch(NamedTuple):
@@ -113,6 +124,65 @@ def bends(c: Any) -> bool:
     return not isinstance(c.shape, (PlaneRecord, *ALONG_AXES)) and c.response.belt is None
 
 
+def turns(c: Any) -> bool:
+    """Whether what presses on a collider may turn along the way there: forces do, or it is a smooth container that is
+    round."""
+    return bends(c) and (c.response.turning is not None or glides_in(c))
+
+
+def glides_in(c: Any) -> bool:
+    """Whether a collider is a smooth container with round sides, under forces that are the same along it. Edges between its
+    sides are right or sharper, which no step along a side leads around (`same_face`)."""
+    return c.response.even is not None and c.response.friction is None and round_inside(c.shape)
+
+
+def round_inside(shape: Any) -> bool:
+    """Whether a shape is the inside of a sphere, or of a solid with round sides and no dents."""
+    if isinstance(shape, (ShiftedRecord, TurnedRecord)):
+        return round_inside(shape.shape)
+    if isinstance(shape, HollowConvexRecord):
+        return not flat_sided(shape.shape)
+    return isinstance(shape, BowlRecord)
+
+
+def flat_sided(shape: Any) -> bool:
+    """Whether a solid has flat sides alone, but for its edges."""
+    if isinstance(shape, (ShiftedRecord, TurnedRecord)):
+        return flat_sided(shape.shape)
+    return isinstance(shape, BoxRecord)
+
+
+def with_energy(c: Any, p: Any, q: Any, r: Any, up: Any, n: Any, h: Any) -> Any:
+    """The end r of a step from p along a smooth collider with the normals `up` and n at its ends, with the energy that the
+    uniform force gives that would lead to q without it. All is exact but along the direction in which it bends: that speed
+    is changed. Where there is none left, at the end of a swing, it has not come as far."""
+    zero, one, two = h - h, type_of(h, 1), type_of(h, 2) / h
+    v, way = (r.vx, r.vy, r.vz), (r.x - p.x, r.y - p.y, r.z - p.z)
+    change = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
+    bend = tuple(b - a for a, b in zip(up, n, strict=True))
+    level = dot(bend, n)
+    bend = tuple(a - level * b for a, b in zip(bend, n, strict=True))
+    length2 = dot(bend, bend)
+    inverse = one / length2 if length2 > 0 else zero
+    part = inverse * dot(v, bend)
+    straight = tuple(a - part * b for a, b in zip(v, bend, strict=True))
+    left = dot((p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz)) + two * dot(change, way) - dot(straight, straight)
+    along = part * part * length2
+    k = np.sqrt(left / along) if (left > 0) & (along > 0) else zero
+    short, pull, gone = left < 0, dot(change, bend), inverse * dot(way, bend)
+    nearer = type_of(h, -LESS) * left / (two * pull) if short & (pull * gone < 0) else zero
+    nearer = min(max(nearer, -abs(gone)), abs(gone))
+    there = at_place(
+        q,
+        tuple(x + nearer * b for x, b in zip((r.x, r.y, r.z), bend, strict=True)),
+        tuple(a + k * part * b for a, b in zip(straight, bend, strict=True)),
+    )
+    depth, m = gap_and_normal(c, there)
+    ends = lifted(c, there, depth, m)
+    short &= dot(m, n) > type_of(h, 0.5)  # not into another side
+    return chosen(short, at_place(q, ends, (there.vx, there.vy, there.vz)), chosen(length2 > 0, there, r))
+
+
 def carried(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> tuple[Any, Any, Touch]:
     """A step from p to q along a surface that bends under it, as if it were flat: p and q with velocities along the tangent
     at its end, and how they touch it there.
@@ -137,7 +207,8 @@ def carried(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> tup
     begun, gone = turned(v, up, n, sharp), turned(flown, up, n, sharp)
     fall = dot(late, n)
     approach = rise + press + fall + dot(flown, n) - rise * dot(up, n)
-    here = (dot(up, n) < one - tolerance) & (approach < 0)
+    # not around an edge, where another side begins
+    here = (dot(up, n) < one - tolerance) & (dot(up, n) > type_of(h, 0.5)) & (approach < 0)
     ends = tuple(a + b + (approach - fall) * m for a, b, m in zip(gone, late, n, strict=True))
     return (
         chosen(here, at_place(p, (p.x, p.y, p.z), begun), p),
