@@ -269,6 +269,56 @@ def _reached(
 
 
 @outlined
+def _stretch(
+    method: Any,
+    dynamics: Any,
+    forces: Any,
+    contacts: Any,
+    p: Any,
+    left: Any,
+    memory: Any,
+    calm: Any,
+    whole: Any,
+) -> Any:
+    """The way of a particle for a time `left` (the `whole`, if asked for) or, where it comes to a stop and will not stay there,
+    or to another part of what it lies on, up to then; the method's memory, on which it lies, and for how long."""
+    length, shorter = left, 0
+    q, after, on, turn = _glide(method, dynamics, forces, contacts, p, left, memory, calm)
+    if turn < 1 and not whole:
+        length = turn * left
+        q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
+        while turn < SAME and shorter < MAX_HALVINGS:
+            # Near the end already, or, as it bends more than was seen, far from it.
+            length = turn * length if shorter < MAX_SWEEPS else type_of(left, 0.5) * turn * length
+            q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
+            shorter += 1
+    return q, after, on, length
+
+
+@outlined
+def _first_met(
+    method: Any,
+    dynamics: Any,
+    forces: Any,
+    contacts: Any,
+    p: Any,
+    q: Any,
+    on: Any,
+    length: Any,
+    memory: Any,
+    calm: Any,
+) -> Any:
+    """What `crossing` tells of the way from p to q in a time `length`, on some colliders."""
+    late, place = crossing(contacts, on, p, q, length)
+    if late < length and any(on):
+        # Up to there it may lie on less, as what touches is less in a shorter step, and meet the rest sooner.
+        near, _, left_on, _ = _glide(method, dynamics, forces, contacts, p, late, memory, calm)
+        sooner, spot = crossing(contacts, left_on, p, near, late)
+        late, place = (sooner, spot) if sooner < late else (late, place)
+    return late, place
+
+
+@outlined
 def _lying(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
     """How long a particle lies that touches, is pressed on, and leaves before the end of a time h, as one that slides over
     an edge; and the particle then. The longest of h/2, h/4 ... that ends on the surface without meeting anything, 0 if
@@ -502,24 +552,9 @@ def _follow(
             if holds and nearest(contacts.continuous, lain) >= -slack:
                 p, memory = lain, restart(memory)
                 break
-        q, after, on, turn = _glide(method, dynamics, forces, contacts, p, left, memory, calm)
-        length = left
-        if turn < 1 and impacts < MAX_IMPACTS:
-            # It comes to a stop and will not stay there, or to another part of what it lies on: so far, then on.
-            length = turn * left
-            q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
-            shorter = 0
-            while turn < SAME and shorter < MAX_HALVINGS:
-                # Near the end already, or, as it bends more than was seen, far from it.
-                length = turn * length if shorter < MAX_SWEEPS else half * turn * length
-                q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
-                shorter += 1
-        late, place = crossing(contacts, on, p, q, length)
-        if late < length and any(on):
-            # Up to there it may lie on less, as what touches is less in a shorter step, and meet the rest sooner.
-            near, _, left_on, _ = _glide(method, dynamics, forces, contacts, p, late, memory, calm)
-            sooner, spot = crossing(contacts, left_on, p, near, late)
-            late, place = (sooner, spot) if sooner < late else (late, place)
+        whole = impacts == MAX_IMPACTS
+        q, after, on, length = _stretch(method, dynamics, forces, contacts, p, left, memory, calm, whole)
+        late, place = _first_met(method, dynamics, forces, contacts, p, q, on, length, memory, calm)
         if not (late < length or ahead(contacts, on, q) < 0):
             p = q
             if length == left:

@@ -25,7 +25,7 @@ of ±h w − ½ (β/α) h² (f + f')/m give
 
 and the velocity along d counts as h² V″ says. Of other terms only the size is known: with κ the stiffness along d over mass,
 they may give `UNSURE` (h² κ)⁵ of the energy there, and as much as `BENT` (h² κ)² times the part of the force that is not
-linear. Impacts give that away.
+linear; with methods of which only the order is known, `UNKNOWN` (h² κ)³. Impacts give that away.
 
 A fast particle may end so far from where forces pull that the velocity along d does not pay for it: that across gives the
 rest, and one that steps alone does not rebound in this step.
@@ -52,9 +52,9 @@ SHORT = 10.0
 """Impacts that are nearer to the end of a step than this part of it (1 over it) count as if they were that far from it."""
 STIFFEST = 4.0
 """(h ω)² at the limit of stability of leapfrogs."""
-UNSURE, BENT = 0.1, 1.0
-"""Of tetrahedra of elastic beads, and of particles in wells that are far from linear, none with ω h up to 1.2 gains energy
-then, but for its own swing."""
+UNSURE, BENT, UNKNOWN = 0.1, 1.0, 0.35
+"""Of tetrahedra of elastic beads, and of particles in wells that are far from linear, none gains energy then, but for its
+own swing, with ω h up to 1.2, or up to 0.8 with methods of which it is not known what they keep."""
 MOST = 1.5
 """How much of its energy along the normal an impact may get back, of what forces have taken: twice the speed."""
 
@@ -86,8 +86,10 @@ def slowed_along(
     if square > 0 and along != 0:
         length, part = np.sqrt(square), h * h / square
         differ = tuple(g - f for f, g in zip(free, hit, strict=True))
-        steep, warp, b, heavy = -dot(differ, d), 0.0, along / length, 1.0
+        steep, b, heavy = -dot(differ, d), along / length, 1.0
         stiff = min(max(part * steep, -STIFFEST), STIFFEST)
+        firm = max(stiff, 0.0)
+        unsure = UNKNOWN * firm**3
         if len(forces) > 3:
             behind, ahead = forces[3:]
             both = tuple(x + y - m - m for x, y, m in zip(behind, ahead, between, strict=True))
@@ -99,8 +101,8 @@ def slowed_along(
             b += series[0] * (stiff * dot(change, d) - h * dot(apart, d)) / length
             heavy += 2 * series[0] * stiff
             warp = abs(bend / steep) if abs(bend) < abs(steep) else 1.0
-        stiff = max(stiff, 0.0)
-        gain += 0.5 * b * b * (UNSURE * stiff**5 + BENT * warp * stiff * stiff)
+            unsure = UNSURE * firm**5 + BENT * warp * firm * firm
+        gain += 0.5 * unsure * b * b
         gain = max(gain, -MOST * b * b)
         # ½ heavy s² + b s + gain = 0
         enough = b * b - 2 * heavy * gain
