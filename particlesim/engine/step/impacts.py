@@ -5,8 +5,8 @@ right angles to each other, need nothing more (`Simple`), and the loop over a bl
 (`Careful`) the few particles that end a step inside a collider, or cross one on the way, are stepped again one by one by
 `trace`.
 
-Particles that lie on colliders rest or slide there (`resting`); only impacts need a search. In the loop over a block `rest`
-takes them through their step, in vectors.
+Particles that lie on colliders rest or slide there (`resting`); only impacts need a search (`moments`). In the loop over a
+block `at_rest.rest` takes them through their step, in vectors.
 
 Whether a path goes into a collider, such as a ball or a thin sheet, and comes out again is found on the parabola from its
 beginning to its end (`particlesim.colliders.way`).
@@ -25,28 +25,23 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.response import along
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
-from particlesim.engine.step.at_rest import rough, runs, turning
+from particlesim.engine.step.at_rest import turning
 from particlesim.engine.step.contacts import (
     Careful,
     Simple,
     ahead,
     coarse,
-    loose,
     meet,
     nearest,
-    nowhere,
     rounding,
     rounding_of_step,
     shallow,
-    sunk,
 )
-from particlesim.engine.step.creases import no_faster, wedged
-from particlesim.engine.step.crossing import crossing, turned_away
+from particlesim.engine.step.gliding import CALM, LIVELY, SURE, glide, step_of
 from particlesim.engine.step.hits import hear, silence
 from particlesim.engine.step.lateness import (
     along_contacts,
@@ -60,7 +55,8 @@ from particlesim.engine.step.lateness import (
     slowed,
     taken_off,
 )
-from particlesim.engine.step.lying import borne, settled_one
+from particlesim.engine.step.lying import settled_one
+from particlesim.engine.step.moments import first_met, lying_for, reached, stretch, time_of_impact
 from particlesim.engine.step.particle_step import BentRecord, Newtonian, advance, restart
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
 from particlesim.engine.step.rebounds import settled_alone
@@ -79,17 +75,9 @@ BRIEF = 16
 """Hops that last less than this part of a step (1 over it) count as rest: forces give as much speed in half of that."""
 BOUNCY = 1.8
 """1 + e from which on they do: with less restitution they end soon."""
-SAME = 1 - 1e-6
-"""The part of a step at the end of which a particle turns around counts as the whole step beyond this."""
-MAX_SWEEPS = 8
-"""Passes over the colliders that a particle lies on before it rests where its step began, and looks for when it turns."""
 MOST_PUSHES = 64
 """Passes over the colliders of a corner that put a particle out of it: each leaves cos² of the angle between two parts."""
-MAX_HALVINGS = 80
-"""Bound on the search for the time of impact; bisection alone would end after 53."""
 
-LIVELY, CALM, SURE = 0, 1, 2
-"""What happens to a particle that touches: it rebounds; lies, if its hops are shorter than the step; lies in any case."""
 NOTHING, BOUNCED, LANDED = 0, 1, 2
 """What has happened in a step: no impact, or only of what lay on something before; one, and it flies; it lies now."""
 FLYING, LYING, ENDED = 0, 1, 2
@@ -114,226 +102,6 @@ def _separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
         back = moved_to(q, legal.x, legal.y, legal.z, q.vx, q.vy, q.vz, q.t)
         q = chosen(nearest(colliders, back) >= left, back, q)
     return q, outcome
-
-
-@outlined
-def _step(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
-    return advance(method, dynamics, forces, p, h, memory)
-
-
-@outlined
-def _glide(
-    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
-) -> Any:
-    """The way of a particle for a time h as if it met nothing new: free, or, where it is `calm`, on the colliders that it
-    lies on. Returns the particle, the method's memory, on which it lies, and the part of h after which it turns around."""
-    q, memory = _step(method, dynamics, forces, p, h, memory)
-    on, turn = nowhere(contacts.continuous), type_of(h, 1)
-    if calm > LIVELY:
-        slack, sure = rounding_of_step(contacts, p, q, h), calm == SURE
-        r, on, turn = settled_one(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
-        # The way along a shape with dents may end at another part of it: what is behind that does not matter.
-        blocked = any(dented(c.shape) for c in contacts.continuous) & (turn < 1)
-        wedge = rough(contacts.continuous) & (sum(on) > 1)
-        if (wedge or loose(contacts.continuous, on, p, r, slack)) and not blocked:
-            r, on, turn = _corner(contacts, p, q, r, on, h, slack, sure)
-        if any(on):
-            q, memory = r, restart(memory)
-    return q, memory, on, turn
-
-
-@outlined
-def _on_one(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:
-    return borne(c, p, q, h, tolerance, slack, True)
-
-
-@outlined
-def _between_two(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
-    return wedged(c, d, p, q, h, tolerance)
-
-
-@outlined
-def _sunk(colliders: Any, on: Any, p: Any, q: Any, slack: Any) -> Any:
-    return sunk(colliders, on, p, q, slack)
-
-
-@outlined
-def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, sure: Any) -> Any:
-    """The step of a particle that lies on several colliders, one of which moves it off or into another: on one of them,
-    along the crease between two, or on each in turn. One that stays caught comes to rest where it was; at a shape
-    with dents, whose rounded edges no plane follows, it lies on nothing, and hops."""
-    turn, found = type_of(h, 1), False
-    for k, c in enumerate(contacts.continuous):
-        if on[k] & (not found):
-            _, lain, bend = _on_one(c, p, q, h, contacts.tolerance, slack)
-            # As in `_glide`: what is behind another part of a shape with dents does not matter.
-            blocked = dented(c.shape) & (bend < 1)
-            if blocked or not _sunk(contacts.continuous, on, p, lain, slack):
-                r, turn, found = lain, bend, True
-    for k, c in enumerate(contacts.continuous):
-        for j, d in enumerate(contacts.continuous[:k]):
-            if on[k] & on[j] & (not found):
-                crept, bend, presses = _between_two(c, d, p, q, h, contacts.tolerance)
-                if presses and not _sunk(contacts.continuous, on, p, crept, slack):
-                    r, turn, found = crept, bend, True
-    if not found:
-        sweeps = 0
-        while turn >= 1 and _sunk(contacts.continuous, on, p, r, slack) and sweeps < MAX_SWEEPS:
-            r, more, turn = settled_one(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
-            on = tuple(one | other for one, other in zip(on, more, strict=True))
-            sweeps += 1
-        dents = any(dented(c.shape) for c in contacts.continuous)
-        if _sunk(contacts.continuous, on, p, r, slack):
-            if dents:
-                r, on, turn = q, nowhere(contacts.continuous), type_of(h, 1)
-            else:
-                zero = h - h
-                r = moved_to(r, p.x, p.y, p.z, zero, zero, zero, r.t)
-        elif not any(map(runs, contacts.continuous)) and (dents or sweeps > 0):
-            r = no_faster(p, q, r, h, contacts.tolerance)
-    return r, on, turn
-
-
-@outlined
-def _time_of_impact(
-    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
-) -> Any:
-    """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method."""
-    # Regula falsi with the Illinois modification (Dowell, Jarratt, BIT 11, 168 (1971)), kept inside the bracket; every
-    # third turn bisects, so that the bracket is sure to close.
-    half = type_of(h, 0.5)  # dividing by the integer 2 would turn single precision into double
-    early, late = h - h, h
-    q, _, on, _ = _glide(method, dynamics, forces, contacts, p, late, memory, calm)
-    above = max(ahead(contacts, on, p), h - h)
-    below = ahead(contacts, on, q)
-    # A particle that touches and sinks at once hits now: resting contact must not cost a search. A fast one would be deep
-    # by then, and gain the energy of being put back: it hits as soon as it is deep enough to be seen.
-    now = h * type_of(h, 2.0**-30)
-    q, _, on, _ = _glide(method, dynamics, forces, contacts, p, now, memory, calm)
-    depth = -ahead(contacts, on, q)
-    if depth > 0:
-        seen = type_of(h, 8) * rounding(contacts, p)
-        if depth <= seen:
-            return now
-        sooner = now * (seen / depth)
-        q, _, on, _ = _glide(method, dynamics, forces, contacts, p, sooner, memory, calm)
-        return sooner if ahead(contacts, on, q) < 0 else now
-    if now < late:
-        # Before, as after a rebound, gaps are rounding errors, which may well be an overlap.
-        early, above = now, -depth
-    side = 0
-    for turn in range(MAX_HALVINGS):
-        middle = early + (late - early) * half
-        if not (early < middle < late):
-            break
-        if turn % 3 != 2 and above > 0:
-            guess = (late * above - early * below) / (above - below)
-            middle = guess if early < guess < late else middle
-        q, _, on, _ = _glide(method, dynamics, forces, contacts, p, middle, memory, calm)
-        value = ahead(contacts, on, q)
-        if value < 0:
-            late, below = middle, value
-            above = above * half if side == -1 else above
-            side = -1
-        else:
-            early, above = middle, value
-            below = below * half if side == 1 else below
-            side = 1
-    return late
-
-
-@outlined
-def _reached(
-    method: Any,
-    dynamics: Any,
-    forces: Any,
-    contacts: Any,
-    p: Any,
-    late: Any,
-    place: Any,
-    memory: Any,
-    calm: Any,
-) -> Any:
-    """The particle in the collider that it crosses at the time `late`, and whether its method brought it there.
-
-    A step to that time may lead elsewhere than the parabola, by its error of third order: beside the collider, or behind it.
-    Then the parabola is right, as no path may lead through a collider.
-    """
-    q, _, on, _ = _glide(method, dynamics, forces, contacts, p, late, memory, calm)
-    there = moved_to(q, place.x, place.y, place.z, q.vx, q.vy, q.vz, q.t)
-    exact = ahead(contacts, on, q) < 0
-    if turned_away(contacts.continuous, there, q):
-        exact = False
-    x, y, z = q.x if exact else there.x, q.y if exact else there.y, q.z if exact else there.z
-    return moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t), exact
-
-
-@outlined
-def _stretch(
-    method: Any,
-    dynamics: Any,
-    forces: Any,
-    contacts: Any,
-    p: Any,
-    left: Any,
-    memory: Any,
-    calm: Any,
-    whole: Any,
-) -> Any:
-    """The way of a particle for a time `left` (the `whole`, if asked for) or, where it comes to a stop and will not stay there,
-    or to another part of what it lies on, up to then; the method's memory, on which it lies, and for how long."""
-    length, shorter = left, 0
-    q, after, on, turn = _glide(method, dynamics, forces, contacts, p, left, memory, calm)
-    if turn < 1 and not whole:
-        length = turn * left
-        q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
-        while turn < SAME and shorter < MAX_HALVINGS:
-            # Near the end already, or, as it bends more than was seen, far from it.
-            length = turn * length if shorter < MAX_SWEEPS else type_of(left, 0.5) * turn * length
-            q, after, on, turn = _glide(method, dynamics, forces, contacts, p, length, memory, calm)
-            shorter += 1
-    return q, after, on, length
-
-
-@outlined
-def _first_met(
-    method: Any,
-    dynamics: Any,
-    forces: Any,
-    contacts: Any,
-    p: Any,
-    q: Any,
-    on: Any,
-    length: Any,
-    memory: Any,
-    calm: Any,
-) -> Any:
-    """What `crossing` tells of the way from p to q in a time `length`, on some colliders."""
-    late, place = crossing(contacts, on, p, q, length)
-    if late < length and any(on):
-        # Up to there it may lie on less, as what touches is less in a shorter step, and meet the rest sooner.
-        near, _, left_on, _ = _glide(method, dynamics, forces, contacts, p, late, memory, calm)
-        sooner, spot = crossing(contacts, left_on, p, near, late)
-        late, place = (sooner, spot) if sooner < late else (late, place)
-    return late, place
-
-
-@outlined
-def _lying(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
-    """How long a particle lies that touches, is pressed on, and leaves before the end of a time h, as one that slides over
-    an edge; and the particle then. The longest of h/2, h/4 ... that ends on the surface without meeting anything, 0 if
-    none."""
-    half = type_of(h, 0.5)
-    part, found, r = h, h - h, p
-    for _ in range(MAX_HALVINGS):
-        part = part * half
-        q, _, on, turn = _glide(method, dynamics, forces, contacts, p, part, memory, SURE)
-        if any(on) and turn >= 1 and ahead(contacts, on, q) >= 0:
-            late, _ = crossing(contacts, on, p, q, part)
-            if late >= part:
-                found, r = part, q
-                break
-    return found, r
 
 
 @outlined
@@ -381,7 +149,7 @@ def _put_on(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: A
     """A particle whose place has been rounded, on the colliders that it touches but for that; with the same energy, if it
     does not lie there."""
     slack, half = rounding(contacts, p), type_of(h, 0.5)
-    q, _ = _step(method, dynamics, forces, p, h, memory)
+    q, _ = step_of(method, dynamics, forces, p, h, memory)
     change = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
     for c in contacts.continuous + contacts.continuous:
         g, axes = gap_and_normal(c, p)
@@ -431,7 +199,7 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
 def _on_time(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
     """The step of a method that `lags`, followed with the velocities of its places: as `trace`, but for discrete colliders,
     with a place out of the others, how it ends the step, and whether it has met nothing."""
-    free, _ = _step(centred(method, h, True), dynamics, forces, p, h, restart(memory))
+    free, _ = step_of(centred(method, h, True), dynamics, forces, p, h, restart(memory))
     slack = rounding_of_step(contacts, p, free, h)
     _, on, _ = settled_one(contacts.resting, p, free, h, contacts.tolerance, slack, False)
     lies = any(on)
@@ -480,7 +248,7 @@ def _under_turning(
         late, lay = along_contacts(contacts, p, (begun.vx - p.vx, begun.vy - p.vy, begun.vz - p.vz), False)
         begun = hastened(p, late) if isinstance(method, CompositionRecord) else begun
     leapfrog = centred(method, h, False) if lags(method) else method
-    free, _ = _step(leapfrog, dynamics, forces, begun, h, ())
+    free, _ = step_of(leapfrog, dynamics, forces, begun, h, ())
     way = parabola(begun, free, h)
     q, _, outcome, hit, exhausted, legal, struck, ends, alone = _on_time(
         way, Newtonian(), (), contacts, begun, h, ()
@@ -536,7 +304,7 @@ def _follow(
     if cramped:
         impacts = MAX_IMPACTS  # it finds no room, and would bounce as often as it may
     legal = p
-    q, _ = _step(method, dynamics, forces, p, h, memory)
+    q, _ = step_of(method, dynamics, forces, p, h, memory)
     push = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
     bouncy = sum([c.response.bounce > BOUNCY for c in contacts.continuous]) > 0
     force = np.sqrt(push[0] * push[0] + push[1] * push[1] + push[2] * push[2]) / h
@@ -553,8 +321,8 @@ def _follow(
                 p, memory = lain, restart(memory)
                 break
         whole = impacts == MAX_IMPACTS
-        q, after, on, length = _stretch(method, dynamics, forces, contacts, p, left, memory, calm, whole)
-        late, place = _first_met(method, dynamics, forces, contacts, p, q, on, length, memory, calm)
+        q, after, on, length = stretch(method, dynamics, forces, contacts, p, left, memory, calm, whole)
+        late, place = first_met(method, dynamics, forces, contacts, p, q, on, length, memory, calm)
         if not (late < length or ahead(contacts, on, q) < 0):
             p = q
             if length == left:
@@ -570,7 +338,7 @@ def _follow(
         # What flies to the end has flown all the way, though it might lie for a shorter time.
         how, exact = calm if any(on) else LIVELY, True
         if late < length:
-            q, exact = _reached(method, dynamics, forces, contacts, p, late, place, memory, how)
+            q, exact = reached(method, dynamics, forces, contacts, p, late, place, memory, how)
         rests = stalls == MAX_STALLS and calm == SURE
         if impacts == MAX_IMPACTS or rests:
             exhausted = not (cramped or rests)
@@ -579,7 +347,7 @@ def _follow(
             early = outcome == PASS
             break
         if calm == SURE and not any(on):
-            tau, r = _lying(method, dynamics, forces, contacts, p, length, memory)
+            tau, r = lying_for(method, dynamics, forces, contacts, p, length, memory)
             if tau > 0:
                 p, memory = r, restart(memory)
                 left = left - tau
@@ -591,9 +359,9 @@ def _follow(
             continue
         tau = late
         if exact:
-            tau = _time_of_impact(method, dynamics, forces, contacts, p, late, memory, how)
+            tau = time_of_impact(method, dynamics, forces, contacts, p, late, memory, how)
         # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
-        top, _, on, _ = _glide(method, dynamics, forces, contacts, p, half * tau, memory, how)
+        top, _, on, _ = glide(method, dynamics, forces, contacts, p, half * tau, memory, how)
         height = ahead(contacts, on, top)
         low = height <= rounding(contacts, p)
         # So are brief hops, twice as high as by forces at most: those on what is elastic have no end.
@@ -602,7 +370,7 @@ def _follow(
         stalls = stalls + 1 if low or tau < h / 1048576 else 0
         impacts += 1
         if exact:
-            q, after, _, _ = _glide(method, dynamics, forces, contacts, p, tau, memory, how)
+            q, after, _, _ = glide(method, dynamics, forces, contacts, p, tau, memory, how)
         hit = hear(contacts.continuous, q, hit)
         p, outcome = _separate(contacts.continuous, q, p, contacts)
         memory = restart(memory)

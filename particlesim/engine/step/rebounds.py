@@ -43,8 +43,8 @@ import numpy as np
 
 from particlesim.compiler import outlined
 from particlesim.engine.step.particle_step import BentRecord
-from particlesim.engine.step.resting import dot
-from particlesim.laws.registry import force, moved_to
+from particlesim.engine.step.resting import at_place, dot
+from particlesim.laws.registry import force
 
 LEAPFROG = 1 / 12, 1 / 4, 1 / 24
 """α, −½ β/α and γ α/β of leapfrogs."""
@@ -129,14 +129,14 @@ def settled_alone(forces: Any, way: BentRecord, free: Any, hit: Any, h: Any) -> 
     x, v, w = (hit.x, hit.y, hit.z), (free.vx, free.vy, free.vz), (hit.vx, hit.vy, hit.vz)
     d = tuple(b - a for a, b in zip((free.x, free.y, free.z), x, strict=True))
     mean = tuple(0.5 * (a + b) for a, b in zip(v, w, strict=True))
-    half = moved_to(hit, *(b - 0.5 * s for b, s in zip(x, d, strict=True)), *mean, hit.t)
+    half = at_place(hit, tuple(b - 0.5 * s for b, s in zip(x, d, strict=True)), mean)
     f, g, m = _acceleration(forces, free), _acceleration(forces, hit), _acceleration(forces, half)
     fall = tuple(aside * h * h * (a + b) for a, b in zip(f, g, strict=True))
     behind = _acceleration(forces, _led(half, tuple(s - h * u for s, u in zip(fall, mean, strict=True))))
     ahead = _acceleration(forces, _led(half, tuple(s + h * u for s, u in zip(fall, mean, strict=True))))
     looks, ages = (f, g, m, behind, ahead), (0.0, 0.0)
     ends, lacks = slowed_along(d, v, w, way.turn, way.late, looks, ages, (alpha, beyond), h)
-    return moved_to(hit, *x, *ends, hit.t), lacks
+    return at_place(hit, x, ends), lacks
 
 
 def _acceleration(forces: Any, p: Any) -> Any:
@@ -146,4 +146,4 @@ def _acceleration(forces: Any, p: Any) -> Any:
 
 def _led(p: Any, d: Any) -> Any:
     """A particle that is displaced by d."""
-    return moved_to(p, p.x + d[0], p.y + d[1], p.z + d[2], p.vx, p.vy, p.vz, p.t)
+    return at_place(p, (p.x + d[0], p.y + d[1], p.z + d[2]), (p.vx, p.vy, p.vz))

@@ -133,7 +133,7 @@ def turns(c: Any) -> bool:
 def glides_in(c: Any) -> bool:
     """Whether a collider is a smooth container with round sides, under forces that are the same along it. Edges between its
     sides are right or sharper, which no step along a side leads around (`same_face`)."""
-    return c.response.even is not None and c.response.friction is None and round_inside(c.shape)
+    return c.response.even is not None and round_inside(c.shape)
 
 
 def round_inside(shape: Any) -> bool:

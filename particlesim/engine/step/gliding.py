@@ -1,0 +1,98 @@
+"""The way of a particle for a part of a step as if it met nothing new: free, or on the colliders that it lies on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from particlesim.colliders.dents import dented
+from particlesim.compiler import outlined
+from particlesim.engine.state.columns import type_of
+from particlesim.engine.step.at_rest import rough, runs
+from particlesim.engine.step.contacts import loose, nowhere, rounding_of_step, sunk
+from particlesim.engine.step.creases import no_faster, wedged
+from particlesim.engine.step.lying import borne, settled_one
+from particlesim.engine.step.particle_step import advance, restart
+from particlesim.laws.registry import moved_to
+
+MAX_SWEEPS = 8
+"""Passes over the colliders that a particle lies on before it rests where its step began, and looks for when it turns."""
+LIVELY, CALM, SURE = 0, 1, 2
+"""What happens to a particle that touches: it rebounds; lies, if its hops are shorter than the step; lies in any case."""
+
+
+@outlined
+def step_of(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+    return advance(method, dynamics, forces, p, h, memory)
+
+
+@outlined
+def glide(
+    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
+) -> Any:
+    """The way of a particle for a time h as if it met nothing new: free, or, where it is `calm`, on the colliders that it
+    lies on. Returns the particle, the method's memory, on which it lies, and the part of h after which it turns around."""
+    q, memory = step_of(method, dynamics, forces, p, h, memory)
+    on, turn = nowhere(contacts.continuous), type_of(h, 1)
+    if calm > LIVELY:
+        slack, sure = rounding_of_step(contacts, p, q, h), calm == SURE
+        r, on, turn = settled_one(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
+        # The way along a shape with dents may end at another part of it: what is behind that does not matter.
+        blocked = any(dented(c.shape) for c in contacts.continuous) & (turn < 1)
+        wedge = rough(contacts.continuous) & (sum(on) > 1)
+        if (wedge or loose(contacts.continuous, on, p, r, slack)) and not blocked:
+            r, on, turn = _corner(contacts, p, q, r, on, h, slack, sure)
+        if any(on):
+            q, memory = r, restart(memory)
+    return q, memory, on, turn
+
+
+@outlined
+def _on_one(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:
+    return borne(c, p, q, h, tolerance, slack, True)
+
+
+@outlined
+def _between_two(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
+    return wedged(c, d, p, q, h, tolerance)
+
+
+@outlined
+def _sunk(colliders: Any, on: Any, p: Any, q: Any, slack: Any) -> Any:
+    return sunk(colliders, on, p, q, slack)
+
+
+@outlined
+def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, sure: Any) -> Any:
+    """The step of a particle that lies on several colliders, one of which moves it off or into another: on one of them,
+    along the crease between two, or on each in turn. One that stays caught comes to rest where it was; at a shape
+    with dents, whose rounded edges no plane follows, it lies on nothing, and hops."""
+    turn, found = type_of(h, 1), False
+    for k, c in enumerate(contacts.continuous):
+        if on[k] & (not found):
+            _, lain, bend = _on_one(c, p, q, h, contacts.tolerance, slack)
+            # As in `glide`: what is behind another part of a shape with dents does not matter.
+            blocked = dented(c.shape) & (bend < 1)
+            if blocked or not _sunk(contacts.continuous, on, p, lain, slack):
+                r, turn, found = lain, bend, True
+    for k, c in enumerate(contacts.continuous):
+        for j, d in enumerate(contacts.continuous[:k]):
+            if on[k] & on[j] & (not found):
+                crept, bend, presses = _between_two(c, d, p, q, h, contacts.tolerance)
+                if presses and not _sunk(contacts.continuous, on, p, crept, slack):
+                    r, turn, found = crept, bend, True
+    if not found:
+        sweeps = 0
+        while turn >= 1 and _sunk(contacts.continuous, on, p, r, slack) and sweeps < MAX_SWEEPS:
+            r, more, turn = settled_one(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
+            on = tuple(one | other for one, other in zip(on, more, strict=True))
+            sweeps += 1
+        dents = any(dented(c.shape) for c in contacts.continuous)
+        if _sunk(contacts.continuous, on, p, r, slack):
+            if dents:
+                r, on, turn = q, nowhere(contacts.continuous), type_of(h, 1)
+            else:
+                zero = h - h
+                r = moved_to(r, p.x, p.y, p.z, zero, zero, zero, r.t)
+        elif not any(map(runs, contacts.continuous)) and (dents or sweeps > 0):
+            r = no_faster(p, q, r, h, contacts.tolerance)
+    return r, on, turn

@@ -1,0 +1,159 @@
+"""When a particle meets a collider within a step: how far it goes until then, and the moment of the impact."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from particlesim.compiler import outlined
+from particlesim.engine.state.columns import type_of
+from particlesim.engine.step.contacts import ahead, rounding
+from particlesim.engine.step.crossing import crossing, turned_away
+from particlesim.engine.step.gliding import MAX_SWEEPS, SURE, glide
+from particlesim.laws.registry import moved_to
+
+SAME = 1 - 1e-6
+"""The part of a step at the end of which a particle turns around counts as the whole step beyond this."""
+MAX_HALVINGS = 80
+"""Bound on the search for the time of impact; bisection alone would end after 53."""
+
+
+@outlined
+def time_of_impact(
+    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
+) -> Any:
+    """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method."""
+    # Regula falsi with the Illinois modification (Dowell, Jarratt, BIT 11, 168 (1971)), kept inside the bracket; every
+    # third turn bisects, so that the bracket is sure to close.
+    half = type_of(h, 0.5)  # dividing by the integer 2 would turn single precision into double
+    early, late = h - h, h
+    q, _, on, _ = glide(method, dynamics, forces, contacts, p, late, memory, calm)
+    above = max(ahead(contacts, on, p), h - h)
+    below = ahead(contacts, on, q)
+    # A particle that touches and sinks at once hits now: resting contact must not cost a search. A fast one would be deep
+    # by then, and gain the energy of being put back: it hits as soon as it is deep enough to be seen.
+    now = h * type_of(h, 2.0**-30)
+    q, _, on, _ = glide(method, dynamics, forces, contacts, p, now, memory, calm)
+    depth = -ahead(contacts, on, q)
+    if depth > 0:
+        seen = type_of(h, 8) * rounding(contacts, p)
+        if depth <= seen:
+            return now
+        sooner = now * (seen / depth)
+        q, _, on, _ = glide(method, dynamics, forces, contacts, p, sooner, memory, calm)
+        return sooner if ahead(contacts, on, q) < 0 else now
+    if now < late:
+        # Before, as after a rebound, gaps are rounding errors, which may well be an overlap.
+        early, above = now, -depth
+    side = 0
+    for turn in range(MAX_HALVINGS):
+        middle = early + (late - early) * half
+        if not (early < middle < late):
+            break
+        if turn % 3 != 2 and above > 0:
+            guess = (late * above - early * below) / (above - below)
+            middle = guess if early < guess < late else middle
+        q, _, on, _ = glide(method, dynamics, forces, contacts, p, middle, memory, calm)
+        value = ahead(contacts, on, q)
+        if value < 0:
+            late, below = middle, value
+            above = above * half if side == -1 else above
+            side = -1
+        else:
+            early, above = middle, value
+            below = below * half if side == 1 else below
+            side = 1
+    return late
+
+
+@outlined
+def reached(
+    method: Any,
+    dynamics: Any,
+    forces: Any,
+    contacts: Any,
+    p: Any,
+    late: Any,
+    place: Any,
+    memory: Any,
+    calm: Any,
+) -> Any:
+    """The particle in the collider that it crosses at the time `late`, and whether its method brought it there.
+
+    A step to that time may lead elsewhere than the parabola, by its error of third order: beside the collider, or behind it.
+    Then the parabola is right, as no path may lead through a collider.
+    """
+    q, _, on, _ = glide(method, dynamics, forces, contacts, p, late, memory, calm)
+    there = moved_to(q, place.x, place.y, place.z, q.vx, q.vy, q.vz, q.t)
+    exact = ahead(contacts, on, q) < 0
+    if turned_away(contacts.continuous, there, q):
+        exact = False
+    x, y, z = q.x if exact else there.x, q.y if exact else there.y, q.z if exact else there.z
+    return moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t), exact
+
+
+@outlined
+def stretch(
+    method: Any,
+    dynamics: Any,
+    forces: Any,
+    contacts: Any,
+    p: Any,
+    left: Any,
+    memory: Any,
+    calm: Any,
+    whole: Any,
+) -> Any:
+    """The way of a particle for a time `left` (the `whole`, if asked for) or, where it comes to a stop and will not stay
+    there, or to another part of what it lies on, up to then; its method's memory, on which it lies, and for how long."""
+    length, shorter = left, 0
+    q, after, on, turn = glide(method, dynamics, forces, contacts, p, left, memory, calm)
+    if turn < 1 and not whole:
+        length = turn * left
+        q, after, on, turn = glide(method, dynamics, forces, contacts, p, length, memory, calm)
+        while turn < SAME and shorter < MAX_HALVINGS:
+            # Near the end already, or, as it bends more than was seen, far from it.
+            length = turn * length if shorter < MAX_SWEEPS else type_of(left, 0.5) * turn * length
+            q, after, on, turn = glide(method, dynamics, forces, contacts, p, length, memory, calm)
+            shorter += 1
+    return q, after, on, length
+
+
+@outlined
+def first_met(
+    method: Any,
+    dynamics: Any,
+    forces: Any,
+    contacts: Any,
+    p: Any,
+    q: Any,
+    on: Any,
+    length: Any,
+    memory: Any,
+    calm: Any,
+) -> Any:
+    """What `crossing` tells of the way from p to q in a time `length`, on some colliders."""
+    late, place = crossing(contacts, on, p, q, length)
+    if late < length and any(on):
+        # Up to there it may lie on less, as what touches is less in a shorter step, and meet the rest sooner.
+        near, _, left_on, _ = glide(method, dynamics, forces, contacts, p, late, memory, calm)
+        sooner, spot = crossing(contacts, left_on, p, near, late)
+        late, place = (sooner, spot) if sooner < late else (late, place)
+    return late, place
+
+
+@outlined
+def lying_for(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
+    """How long a particle lies that touches, is pressed on, and leaves before the end of a time h, as one that slides over
+    an edge; and the particle then. The longest of h/2, h/4 ... that ends on the surface without meeting anything, 0 if
+    none."""
+    half = type_of(h, 0.5)
+    part, found, r = h, h - h, p
+    for _ in range(MAX_HALVINGS):
+        part = part * half
+        q, _, on, turn = glide(method, dynamics, forces, contacts, p, part, memory, SURE)
+        if any(on) and turn >= 1 and ahead(contacts, on, q) >= 0:
+            late, _ = crossing(contacts, on, p, q, part)
+            if late >= part:
+                found, r = part, q
+                break
+    return found, r
