@@ -59,9 +59,9 @@ from particlesim.engine.step.lying import settled_one
 from particlesim.engine.step.moments import first_met, lying_for, reached, stretch, time_of_impact
 from particlesim.engine.step.particle_step import BentRecord, Newtonian, advance, restart
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
-from particlesim.engine.step.rebounds import settled_alone
+from particlesim.engine.step.rebounds import is_soft, settled_alone
 from particlesim.engine.step.resting import NOISE
-from particlesim.integrators.base import CompositionRecord
+from particlesim.integrators.base import CompositionRecord, VerletRecord
 from particlesim.laws.registry import PASS, gap_and_normal, moved_to
 
 MAX_IMPACTS = 1024
@@ -174,7 +174,7 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
     if len(contacts.continuous) == 0:
         q, after = advance(method, dynamics, forces, p, h, memory)
         legal, outcome, hit, exhausted, struck = p, PASS, silence(contacts.discrete, p), False, NOTHING
-    elif leaps(method) and turning(contacts):
+    elif isinstance(method, (CompositionRecord, VerletRecord)) and turning(contacts):
         q, after, outcome, hit, exhausted, legal, struck = _under_turning(
             method, dynamics, forces, contacts, p, h, memory
         )
@@ -239,16 +239,27 @@ def without_rebounds(contacts: Careful) -> Careful:
 def _under_turning(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any
 ) -> Any:
-    """As `_on_time`, of a leapfrog under forces that change along the way: on the parabola of its step, so that an impact
-    divides only the motion against it, and with what forces would give by the impact taken back (`rebounds`). Swings along
-    the surface, divided at each impact, would grow, as those in steps that change do."""
+    """As `_on_time`, of a symplectic method under forces that change along the way: on the parabola of its step, so that an
+    impact divides only the motion against it, and with what forces would give by the impact taken back (`rebounds`). Swings
+    along the surface, divided at each impact, would grow, as those in steps that change do."""
     begun, lay = p, False
-    if lags(method):
-        begun = on_time(method, forces, p, h, memory)
-        late, lay = along_contacts(contacts, p, (begun.vx - p.vx, begun.vy - p.vy, begun.vz - p.vz), False)
-        begun = hastened(p, late) if isinstance(method, CompositionRecord) else begun
-    leapfrog = centred(method, h, False) if lags(method) else method
-    free, _ = step_of(leapfrog, dynamics, forces, begun, h, ())
+    if not leaps(method):
+        # A method of higher order keeps that in short steps, where little is gained.
+        free, _ = step_of(method, dynamics, forces, p, h, memory)
+        q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
+            method, dynamics, forces, contacts, p, h, memory, CALM
+        )
+        struck = _struck(ends, alone)
+        if struck != BOUNCED or is_soft(forces, free, q, h):
+            return q, after, outcome, hit, exhausted, legal, struck
+    else:
+        if lags(method):
+            begun = on_time(method, forces, p, h, memory)
+            ahead_of = begun.vx - p.vx, begun.vy - p.vy, begun.vz - p.vz
+            late, lay = along_contacts(contacts, p, ahead_of, False)
+            begun = hastened(p, late) if isinstance(method, CompositionRecord) else begun
+        leapfrog = centred(method, h, False) if lags(method) else method
+        free, _ = step_of(leapfrog, dynamics, forces, begun, h, ())
     way = parabola(begun, free, h)
     q, _, outcome, hit, exhausted, legal, struck, ends, alone = _on_time(
         way, Newtonian(), (), contacts, begun, h, ()
@@ -257,7 +268,7 @@ def _under_turning(
         q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
         return q, after, outcome, hit, exhausted, legal, struck
     if struck == BOUNCED:
-        q, lacks = settled_alone(forces, way, free, q, h)
+        q, lacks = settled_alone(forces, way, free, q, h, leaps(method))
         if lacks:
             # It would go farther than its speed can pay: it rebounds from nothing in this step.
             dull = without_rebounds(contacts)
@@ -265,7 +276,7 @@ def _under_turning(
                 way, Newtonian(), (), dull, begun, h, ()
             )
             if struck == BOUNCED:
-                q, _ = settled_alone(forces, way, free, q, h)
+                q, _ = settled_alone(forces, way, free, q, h, leaps(method))
     if isinstance(method, CompositionRecord) and lags(method) and ends != ENDED:
         end = delayed(method, forces, q, h)
         back = q.vx - end.vx, q.vy - end.vy, q.vz - end.vz
