@@ -13,7 +13,7 @@ from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import SHALLOW, coarse
 from particlesim.engine.step.creases import crept, free_part, no_faster
-from particlesim.engine.step.resting import carried, held, lies, touched, turns, with_energy
+from particlesim.engine.step.resting import carried, glided, held, lies, touched, turns
 from particlesim.laws.registry import gap
 
 
@@ -49,11 +49,11 @@ def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, s
     touch = touched(c, p, q)
     here = lies(c, p, q, touch, h, tolerance, slack, sure)
     turning = turns(c) and (still or c.response.turning is not None)
-    if turning:
+    if turning and c.response.turning is None:
+        r, turn = glided(c, s, q, touch, h, tolerance)
+    elif turning:
         start, end, way = carried(c, s, q, touch, h, tolerance)
         r, turn = held(c, start, end, way, h, tolerance, True)
-        if c.response.turning is None:
-            r = with_energy(c, s, q, r, touch.up, way.normal, h)
     else:
         r, turn = held(c, s, q, touch, h, tolerance)
     if dented(c.shape):

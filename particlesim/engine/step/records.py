@@ -110,9 +110,9 @@ def under_turning(c: ColliderRecord) -> ColliderRecord:
 
 
 def under_even(c: ColliderRecord) -> ColliderRecord:
-    """The same collider under forces that are the same all along it, if that matters there: it keeps what slides on it."""
-    keeps = c.response.friction is None and c.response.loss == 0
-    return c._replace(response=c.response._replace(even=())) if keeps and round_inside(c.shape) else c
+    """The same collider under forces that are the same all along it, if that matters there."""
+    round_there = c.response.loss == 0 and round_inside(c.shape)
+    return c._replace(response=c.response._replace(even=())) if round_there else c
 
 
 def without_rebound(c: ColliderRecord) -> ColliderRecord:

@@ -27,6 +27,7 @@ from particlesim.colliders.dents import dented
 from particlesim.colliders.plane import PlaneRecord
 from particlesim.colliders.pose import ShiftedRecord, TurnedRecord
 from particlesim.colliders.response import (
+    ColliderRecord,
     ResponseRecord,
     along,
     belt_along,
@@ -80,6 +81,8 @@ def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any, slack: An
     return (touch.start <= slack) & down & calm & (c.response.outcome == PASS)
 
 
+SWIFT = 4.0
+"""How much faster than what friction takes in a step is what slides, and does not stop soon."""
 LESS = 1.01
 """How much nearer than its energy allows a swing ends: what lifts it onto the surface again is less than that."""
 
@@ -125,15 +128,14 @@ def bends(c: Any) -> bool:
 
 
 def turns(c: Any) -> bool:
-    """Whether what presses on a collider may turn along the way there: forces do, or it is a smooth container that is
-    round."""
+    """Whether what presses on a collider may turn along the way there: forces do, or it is a container that is round."""
     return bends(c) and (c.response.turning is not None or glides_in(c))
 
 
 def glides_in(c: Any) -> bool:
-    """Whether a collider is a smooth container with round sides, under forces that are the same along it. Edges between its
-    sides are right or sharper, which no step along a side leads around (`same_face`)."""
-    return c.response.even is not None and round_inside(c.shape)
+    """Whether a collider is a container with round sides, under forces that are the same along it. Edges between its sides
+    are right or sharper, which no step along a side leads around (`same_face`)."""
+    return c.response.even is not None and c.response.belt is None and round_inside(c.shape)
 
 
 def round_inside(shape: Any) -> bool:
@@ -150,6 +152,37 @@ def flat_sided(shape: Any) -> bool:
     if isinstance(shape, (ShiftedRecord, TurnedRecord)):
         return flat_sided(shape.shape)
     return isinstance(shape, BoxRecord)
+
+
+def glided(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> tuple[Any, Any]:
+    """As `held`, for a step from p to q along the inside of a round container: as if it were smooth, and less what friction
+    takes of that. What comes to a stop, or turns back, is `held`."""
+    start, end, way = carried(c, p, q, touch, h, tolerance)
+    response, one = c.response, type_of(h, 1)
+    dull = ResponseRecord(one, response.loss, response.keep, response.outcome, even=response.even)
+    smooth = ColliderRecord(c.shape, dull)
+    r, _ = held(smooth, start, end, way, h, tolerance, True)
+    r = with_energy(smooth, p, q, r, touch.up, way.normal, h)
+    if response.friction is None:
+        return r, one
+    slow, turn = held(c, p, q, touch, h, tolerance)
+    half, v = type_of(h, 0.5), (r.vx, r.vy, r.vz)
+    drag = response.friction.kinetic * max(-along(way.normal, end), h - h)
+    change = square((q.vx - p.vx, q.vy - p.vy, q.vz - p.vz))
+    least = type_of(h, SWIFT) * drag + half * np.sqrt(change)
+    old, new = square((p.vx, p.vy, p.vz)), square(v)
+    fast = min(old, new) > least * least
+    inverse = one / np.sqrt(new) if new > 0 else one
+    back = half * h * drag * inverse
+    there = at_place(
+        r,
+        tuple(x - back * u for x, u in zip((r.x, r.y, r.z), v, strict=True)),
+        tuple(u - drag * inverse * u for u in v),
+    )
+    depth, m = gap_and_normal(c, there)
+    lift = at_place(r, lifted(c, there, depth, m), (there.vx, there.vy, there.vz))
+    slid = chosen(dot(m, way.normal) > half, lift, there)  # not off another side
+    return chosen(fast, slid, slow), one if fast else turn
 
 
 def with_energy(c: Any, p: Any, q: Any, r: Any, up: Any, n: Any, h: Any) -> Any:
