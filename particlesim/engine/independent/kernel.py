@@ -244,21 +244,31 @@ def _rest(program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, which: int)
         if room.wait[0] > 0:
             room.wait[0] -= 1
         else:
-            left, lain = _lie(program, c, t, end, h, room, stay, which)
+            left, lain = _lie(program, c, t, end, h, room, _stay, which)
             if not left:
                 return False
             if not lain:
                 room.wait[0] = IN_VAIN
-    if behind:
-        return _lie(program, c, t, end, h, room, rest_behind, which)[0]
+    return _lie(program, c, t, end, h, room, _behind if behind else _calm, which)[0]
+
+
+def _stay(program: Any, p: Any, q: Any, h: Any) -> Any:
+    return stay(program.contacts, p, q, h)
+
+
+def _behind(program: Any, p: Any, q: Any, h: Any) -> Any:
+    return rest_behind(program.forces, program.contacts, p, q, h)
+
+
+def _calm(program: Any, p: Any, q: Any, h: Any) -> Any:
     alone = program.contacts.one_by_one is not None
-    return _lie(program, c, t, end, h, room, rest_alone if alone else rest, which)[0]
+    return rest_alone(program.contacts, p, q, h) if alone else rest(program.contacts, p, q, h)
 
 
 def _lie(
-    program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, rest: Any, which: int
+    program: Any, c: Any, t: Any, end: Any, h: Any, room: Any, look: Any, which: int
 ) -> tuple[bool, bool]:
-    """The step of the marked particles that lie on colliders as `rest` says, which then are no longer marked. Returns
+    """The step of the marked particles that lie on colliders as a `look` says, which then are no longer marked. Returns
     whether others are left, and whether there were any."""
     left, lain = False, False
     for i in range(c.x.size):
@@ -268,7 +278,7 @@ def _lie(
         q = fetch(c, i, end)
         p = saved(room.before, i, q, begin)
         if len(program.contacts.continuous) > 0:
-            r, calm = rest(program.contacts, p, q, hi)
+            r, calm = look(program, p, q, hi)
         else:
             r, calm = q, False
         marked = room.marks[i] == which

@@ -28,8 +28,9 @@ from particlesim.engine.step.contacts import (
 from particlesim.engine.step.crossing import all_apart, straight
 from particlesim.engine.step.lateness import along_contacts, hastened, with_places
 from particlesim.engine.step.lying import settled, settled_one
+from particlesim.engine.step.particle_step import kick
 from particlesim.engine.step.resting import stays, turns
-from particlesim.laws.registry import PASS
+from particlesim.laws.registry import PASS, moved_to
 
 
 def overlapped(contacts: Any, p: Any, q: Any, h: Any) -> Any:
@@ -79,24 +80,22 @@ def _rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
 
 def turning(contacts: Any) -> bool:
     """Whether what presses may change along the way of what lies on some collider, none of which runs."""
-    turn = turned(contacts) or any(turns(c) for c in contacts.continuous)
+    turn = any(c.response.turning is not None or turns(c) for c in contacts.continuous)
     return turn and not any(map(runs, contacts.continuous))
 
 
-def turned(contacts: Any) -> bool:
-    """Whether forces change along the way."""
-    return any(c.response.turning is not None for c in contacts.continuous)
-
-
-def rest_behind(contacts: Any, p: Any, q: Any, h: Any) -> Any:
-    """`rest` for velocities that are half a step behind places, under forces that change along the way."""
+def rest_behind(forces: Any, contacts: Any, p: Any, q: Any, h: Any) -> Any:
+    """`rest` for velocities that are half a step behind places, where what presses may change along the way. With which a
+    step ends and the next one begins agree to rounding."""
     half = type_of(h, 0.5)
     a = half * (q.vx - p.vx), half * (q.vy - p.vy), half * (q.vz - p.vz)
     late, _ = along_contacts(contacts, p, a, False)
-    begun, end, late = with_places(p, q, a, late, h)
-    r, calm = _rest(contacts, begun, end, h)
-    # A force that turns along the way does so as the surface; one that does not is met by another normal at the end.
-    late, _ = along_contacts(contacts, r, late if turned(contacts) else a, True)
+    begun, end, _ = with_places(p, q, a, late, h)
+    # The step of velocity Verlet, which has the same places.
+    end = moved_to(end, end.x, end.y, end.z, begun.vx + a[0], begun.vy + a[1], begun.vz + a[2], end.t)
+    r, calm = _rest(contacts, begun, kick(half, forces, end, h), h)
+    ahead = kick(half, forces, r, h)
+    late, _ = along_contacts(contacts, r, (ahead.vx - r.vx, ahead.vy - r.vy, ahead.vz - r.vz), False)
     return hastened(r, tuple(-v for v in late)), calm
 
 

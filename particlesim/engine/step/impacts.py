@@ -56,10 +56,10 @@ from particlesim.engine.step.lateness import (
     taken_off,
 )
 from particlesim.engine.step.lying import settled_one
-from particlesim.engine.step.moments import first_met, lying_for, reached, stretch, time_of_impact
+from particlesim.engine.step.moments import first_met, leaving, lying_for, reached, stretch, time_of_impact
 from particlesim.engine.step.particle_step import BentRecord, Newtonian, advance, restart
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
-from particlesim.engine.step.rebounds import is_soft, settled_alone
+from particlesim.engine.step.rebounds import is_soft, lain_alone, settled_alone
 from particlesim.engine.step.resting import NOISE
 from particlesim.integrators.base import CompositionRecord, VerletRecord
 from particlesim.laws.registry import PASS, gap_and_normal, moved_to
@@ -75,6 +75,8 @@ BRIEF = 16
 """Hops that last less than this part of a step (1 over it) count as rest: forces give as much speed in half of that."""
 BOUNCY = 1.8
 """1 + e from which on they do: with less restitution they end soon."""
+NO_TIME = 2.0**20
+"""Impacts that lie no further apart than this part of a step (1 over it) take no time."""
 MOST_PUSHES = 64
 """Passes over the colliders of a corner that put a particle out of it: each leaves cos² of the angle between two parts."""
 
@@ -242,7 +244,7 @@ def _under_turning(
     """As `_on_time`, of a symplectic method under forces that change along the way: on the parabola of its step, so that an
     impact divides only the motion against it, and with what forces would give by the impact taken back (`rebounds`). Swings
     along the surface, divided at each impact, would grow, as those in steps that change do."""
-    begun, lay = p, False
+    begun, lay, known = p, False, () if leaps(method) else None
     if not leaps(method):
         # A method of higher order keeps that in short steps, where little is gained.
         free, _ = step_of(method, dynamics, forces, p, h, memory)
@@ -267,23 +269,31 @@ def _under_turning(
     if alone and not lay:
         q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
         return q, after, outcome, hit, exhausted, legal, struck
-    if struck == BOUNCED:
-        q, lacks = settled_alone(forces, way, free, q, h, leaps(method))
+    if outcome == PASS:
+        q, lacks = _kept(forces, way, free, q, h, struck, known)
         if lacks:
-            # It would go farther than its speed can pay: it rebounds from nothing in this step.
+            # It would go farther than its speed can pay: it rebounds from nothing in this step, or ends where it began.
             dull = without_rebounds(contacts)
             q, _, outcome, _, exhausted, legal, struck, ends, _ = _on_time(
                 way, Newtonian(), (), dull, begun, h, ()
             )
-            if struck == BOUNCED:
-                q, _ = settled_alone(forces, way, free, q, h, leaps(method))
-    if isinstance(method, CompositionRecord) and lags(method) and ends != ENDED:
+            q, lacks = _kept(forces, way, free, q, h, struck, known)
+            if lacks:
+                zero = h - h
+                q = moved_to(q, begun.x, begun.y, begun.z, zero, zero, zero, q.t)
+    if isinstance(method, CompositionRecord) and lags(method) and outcome == PASS:
+        # as the next step begins
         end = delayed(method, forces, q, h)
-        back = q.vx - end.vx, q.vy - end.vy, q.vz - end.vz
-        if ends == LYING:
-            back, _ = along_contacts(contacts, q, back, False)
+        back, _ = along_contacts(contacts, q, (q.vx - end.vx, q.vy - end.vy, q.vz - end.vz), False)
         q = hastened(q, (-back[0], -back[1], -back[2]))
     return q, restart(memory), outcome, hit, exhausted, legal, struck
+
+
+def _kept(forces: Any, way: Any, free: Any, q: Any, h: Any, struck: Any, known: Any) -> Any:
+    """The end q of a step without what forces have given it by contact, and whether its speed was too little for that."""
+    if struck == BOUNCED:
+        return settled_alone(forces, way, free, q, h, known)
+    return lain_alone(forces, free, q, h, known)
 
 
 def _struck(ends: Any, calm: Any) -> Any:
@@ -359,10 +369,17 @@ def _follow(
             break
         if calm == SURE and not any(on):
             tau, r = lying_for(method, dynamics, forces, contacts, p, length, memory)
+            leaves = tau * NO_TIME < h
+            if leaves:
+                # For so short a time rounding errors may press.
+                free, q = leaving(method, dynamics, forces, contacts, p, length, memory)
+                leaves = free > 0
+                tau, r = (free, q) if leaves else (tau, r)
             if tau > 0:
                 p, memory = r, restart(memory)
                 left = left - tau
                 impacts += 1
+                calm, stalls = (LIVELY, 0) if leaves else (calm, stalls)
                 continue
         if stalls == MAX_STALLS:
             # From now on it lies where it touches.
@@ -378,7 +395,7 @@ def _follow(
         # So are brief hops, twice as high as by forces at most: those on what is elastic have no end.
         brief = (type_of(h, BRIEF) * tau < h) & (height <= type_of(h, 0.25) * force * tau * tau)
         low |= brief & bouncy
-        stalls = stalls + 1 if low or tau < h / 1048576 else 0
+        stalls = stalls + 1 if low or tau * NO_TIME < h else 0
         impacts += 1
         if exact:
             q, after, _, _ = glide(method, dynamics, forces, contacts, p, tau, memory, how)

@@ -8,11 +8,13 @@ from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.contacts import ahead, rounding
 from particlesim.engine.step.crossing import crossing, turned_away
-from particlesim.engine.step.gliding import MAX_SWEEPS, SURE, glide
+from particlesim.engine.step.gliding import LIVELY, MAX_SWEEPS, SURE, glide
 from particlesim.laws.registry import moved_to
 
 SAME = 1 - 1e-6
 """The part of a step at the end of which a particle turns around counts as the whole step beyond this."""
+MAX_LEAVES = 40
+"""The shortest part of a step, as a power of two, after which it is looked whether a particle has left a surface."""
 MAX_HALVINGS = 80
 """Bound on the search for the time of impact; bisection alone would end after 53."""
 
@@ -156,4 +158,21 @@ def lying_for(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h:
             if late >= part:
                 found, r = part, q
                 break
+    return found, r
+
+
+@outlined
+def leaving(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
+    """How long a particle that touches, and is not pressed on, takes until it is off all surfaces but for rounding errors,
+    and the particle then; 0 if it does not leave. Until then gaps may tell impacts that are none."""
+    two = type_of(h, 2)
+    part, found, r = h, h - h, p
+    for _ in range(MAX_LEAVES):
+        part = part / two
+    for _ in range(MAX_LEAVES):
+        q, _, on, _ = glide(method, dynamics, forces, contacts, p, part, memory, LIVELY)
+        if ahead(contacts, on, q) > two * rounding(contacts, q):
+            found, r = part, q
+            break
+        part = part * two
     return found, r

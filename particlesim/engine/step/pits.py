@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord
 from particlesim.compiler import outlined
@@ -79,7 +81,10 @@ def bottom(parts: Any, p: Any, legal: Any, push: Any, h: Any, same: Any, rough: 
             x, y, z = p.x, p.y, p.z
         way = (x - legal.x, y - legal.y, z - legal.z)
         far = dot(way, way)
+        # and no farther up than its speed takes it
+        up = -dot(push, (x - p.x, y - p.y, z - p.z)) / h - same * np.sqrt(dot(push, push)) / h
         holds = holds and far <= h * h * most
+        holds = holds and 2 * up <= p.vx * p.vx + p.vy * p.vy + p.vz * p.vz
         if rough or far <= same * same:
             x, y, z = legal.x, legal.y, legal.z
     return holds, x, y, z

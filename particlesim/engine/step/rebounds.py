@@ -43,7 +43,7 @@ import numpy as np
 
 from particlesim.compiler import outlined
 from particlesim.engine.step.particle_step import BentRecord
-from particlesim.engine.step.resting import at_place, dot
+from particlesim.engine.step.resting import NOISE, at_place, dot
 from particlesim.laws.registry import force
 
 LEAPFROG = 1 / 12, 1 / 4, 1 / 24
@@ -94,15 +94,12 @@ def slowed_along(
         firm = max(stiff, 0.0)
         unsure = UNKNOWN * firm**3
         if len(forces) > 3:
+            gain += _beyond_energy(d, change, forces, series, h)
             behind, ahead = forces[3:]
-            both = tuple(x + y - m - m for x, y, m in zip(behind, ahead, between, strict=True))
-            apart = tuple(x - y for x, y in zip(ahead, behind, strict=True))
-            bend = dot(tuple(f - m - m + g for f, m, g in zip(free, between, hit, strict=True)), d)
-            gain -= series[0] * (dot(both, d) + h * dot(apart, change))
-            gain -= series[0] * bend * min(part * dot(change, change), SHORT * SHORT)
-            gain += series[1] * h * h * dot(both, differ)
-            b += series[0] * (stiff * dot(change, d) - h * dot(apart, d)) / length
+            apart = dot(tuple(x - y for x, y in zip(ahead, behind, strict=True)), d)
+            b += series[0] * (stiff * dot(change, d) - h * apart) / length
             heavy += 2 * series[0] * stiff
+            bend = dot(tuple(f - m - m + g for f, m, g in zip(free, between, hit, strict=True)), d)
             warp = abs(bend / steep) if abs(bend) < abs(steep) else 1.0
             unsure = UNSURE * firm**5 + BENT * warp * firm * firm
         gain += 0.5 * unsure * b * b
@@ -124,26 +121,59 @@ def slowed_along(
     return tuple(b - g for b, g in zip(ends, told, strict=True)), lack > 0
 
 
-@outlined
-def settled_alone(forces: Any, way: BentRecord, free: Any, hit: Any, h: Any, leaps: bool) -> Any:
-    """The end `hit` of a step of h along the `way` of a method, of which it is known what it keeps if it `leaps`, less the
-    speed that forces have given it by impacts; it would have ended at `free` without them. And whether that was too little.
-    All velocities are those of their places."""
-    alpha, aside, beyond = LEAPFROG
+def _beyond_energy(d: Any, change: Any, forces: Any, series: Any, h: Any) -> Any:
+    """What a displacement d and a change of the velocity give to what a method keeps beside the energy, over mass."""
+    free, hit, between, behind, ahead = forces
+    both = tuple(x + y - m - m for x, y, m in zip(behind, ahead, between, strict=True))
+    apart = tuple(x - y for x, y in zip(ahead, behind, strict=True))
+    bend = tuple(f - m - m + g for f, m, g in zip(free, between, hit, strict=True))
+    differ = tuple(g - f for f, g in zip(free, hit, strict=True))
+    fast = min(h * h * dot(change, change), SHORT * SHORT * dot(d, d))
+    part = fast / dot(d, d) if dot(d, d) > 0 else 0.0
+    given = dot(both, d) + h * dot(apart, change) + part * dot(bend, d)
+    return series[1] * h * h * dot(both, differ) - series[0] * given
+
+
+def _looks(forces: Any, free: Any, hit: Any, h: Any, known: Any) -> Any:
+    """Displacement and change of the velocity by impacts, and accelerations as `slowed_along` has them."""
     x, v, w = (hit.x, hit.y, hit.z), (free.vx, free.vy, free.vz), (hit.vx, hit.vy, hit.vz)
     d = tuple(b - a for a, b in zip((free.x, free.y, free.z), x, strict=True))
+    change = tuple(b - a for a, b in zip(v, w, strict=True))
     mean = tuple(0.5 * (a + b) for a, b in zip(v, w, strict=True))
     half = at_place(hit, tuple(b - 0.5 * s for b, s in zip(x, d, strict=True)), mean)
     f, g, m = _acceleration(forces, free), _acceleration(forces, hit), _acceleration(forces, half)
-    if not leaps:
-        ends, lacks = slowed_along(d, v, w, way.turn, way.late, (f, g, m), (0.0, 0.0), (0.0, 0.0), h)
-        return at_place(hit, x, ends), lacks
-    fall = tuple(aside * h * h * (a + b) for a, b in zip(f, g, strict=True))
+    if known is None:
+        return d, change, (f, g, m)
+    fall = tuple(LEAPFROG[1] * h * h * (a + b) for a, b in zip(f, g, strict=True))
     behind = _acceleration(forces, _led(half, tuple(s - h * u for s, u in zip(fall, mean, strict=True))))
     ahead = _acceleration(forces, _led(half, tuple(s + h * u for s, u in zip(fall, mean, strict=True))))
-    looks, ages = (f, g, m, behind, ahead), (0.0, 0.0)
-    ends, lacks = slowed_along(d, v, w, way.turn, way.late, looks, ages, (alpha, beyond), h)
-    return at_place(hit, x, ends), lacks
+    return d, change, (f, g, m, behind, ahead)
+
+
+@outlined
+def settled_alone(forces: Any, way: BentRecord, free: Any, hit: Any, h: Any, known: Any) -> Any:
+    """The end `hit` of a step of h along the `way` of a method, of which it is `known` what it keeps or not (None), less the
+    speed that forces have given it by impacts; it would have ended at `free` without them. And whether that was too little.
+    All velocities are those of their places."""
+    d, _, looks = _looks(forces, free, hit, h, known)
+    v, w, series = (free.vx, free.vy, free.vz), (hit.vx, hit.vy, hit.vz), (LEAPFROG[0], LEAPFROG[2])
+    ends, lacks = slowed_along(d, v, w, way.turn, way.late, looks, (0.0, 0.0), series, h)
+    return at_place(hit, (hit.x, hit.y, hit.z), ends), lacks
+
+
+@outlined
+def lain_alone(forces: Any, free: Any, hit: Any, h: Any, known: Any) -> Any:
+    """As `settled_alone`, of what lies on something: no faster than what a step without contact would have kept allows."""
+    d, change, looks = _looks(forces, free, hit, h, known)
+    w, v = (hit.vx, hit.vy, hit.vz), (free.vx, free.vy, free.vz)
+    square, (f, g, m) = dot(w, w), looks[:3]
+    mean = tuple((a + 4 * b + c) / 6 for a, b, c in zip(f, m, g, strict=True))
+    gain = (square - dot(v, v)) / 2 - dot(mean, d)
+    if known is not None:
+        gain += _beyond_energy(d, change, looks, (LEAPFROG[0], LEAPFROG[2]), h)
+    lacks = 2 * gain > square + NOISE * dot(v, v)
+    k = np.sqrt(max(square - 2 * gain, 0.0) / square) if (gain > 0) & (square > 0) else 1.0
+    return at_place(hit, (hit.x, hit.y, hit.z), tuple(k * each for each in w)), lacks
 
 
 @outlined

@@ -81,6 +81,8 @@ def lies(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any, slack: An
     return (touch.start <= slack) & down & calm & (c.response.outcome == PASS)
 
 
+BESIDE = 2.0**-30
+"""How far beside one side of a container it is looked for another one that a particle touches, in parts of coordinates."""
 SWIFT = 4.0
 """How much faster than what friction takes in a step is what slides, and does not stop soon."""
 LESS = 1.01
@@ -105,8 +107,17 @@ def same_face(c: Any, touch: Touch) -> Any:
 
 
 def touched(c: Any, p: Any, q: Any) -> Touch:
-    """How a step from p to q touches a collider."""
+    """How a step from p to q touches a collider. Where p touches two sides, as in the rim of a pipe, that of q counts."""
     start, up = gap_and_normal(c, p)
+    if glides_in(c) and dented(c.shape):
+        _, m = gap_and_normal(c, q)
+        away = type_of(start, BESIDE) * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
+        x, y, z = (a + away * n for a, n in zip((p.x, p.y, p.z), up, strict=True))
+        other, n = gap_and_normal(c, moved_to(p, x, y, z, p.vx, p.vy, p.vz, p.t))
+        half = type_of(start, 0.5)
+        there = (dot(up, m) < half) & (dot(n, m) > half) & (other < half * away)
+        start = other - away * dot(up, n) if there else start
+        up = tuple(b if there else a for a, b in zip(up, n, strict=True))
     return Touch(start, up, *sunk(c, p, start, up, q))
 
 
