@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from simulate import G, points, way
+from simulate import G, points, simulate, way
 
 R = 0.2
 CONTAINERS: dict[str, dict[str, Any]] = {
@@ -137,3 +137,35 @@ def test_what_rubs_in_a_bowl_comes_to_rest_within_its_angle_of_friction(method: 
     assert np.hypot(x[-1, 0], x[-1, 2]) <= R * np.sin(np.arctan(0.2)) * (1 + 1e-9)
     late = 1e-3 * G * np.abs(v[:, 1]).max() / 2 if method == "symplectic_euler" else 0
     assert (np.diff(energy) <= 1e-12 + late).all()
+
+
+def test_what_circles_at_the_end_of_a_pipe_is_followed_at_once() -> None:
+    """Held to the side by its speed, above the axis, where nothing presses on the end: it met the rim 1024 times a step."""
+    found = simulate(
+        0.6,
+        1e-3,
+        particles=[
+            points(
+                (R * np.cos(0.6), R * np.sin(0.6), -0.47),
+                velocity=[(-3 * np.sin(0.6), 3 * np.cos(0.6), -0.674)],
+                mass=1.0,
+                radius=0.0,
+            )
+        ],
+        forces=[{"type": "gravity"}],
+        colliders=[
+            {
+                "type": "cylinder",
+                "start": [0, 0, -0.5],
+                "end": [0, 0, 0.5],
+                "radius": R,
+                "inside": True,
+                "restitution": 0,
+            }
+        ],
+    )
+    assert not any("1024" in text for text in found.warnings)
+    x, v = found.final.position[0], found.final.velocity[0]
+    assert x[2] == pytest.approx(-0.5, abs=1e-12)
+    assert np.hypot(x[0], x[1]) == pytest.approx(R, abs=1e-12)
+    assert (v**2).sum() / 2 + G * x[1] == pytest.approx(9 / 2 + G * R * np.sin(0.6), rel=1e-9)

@@ -109,16 +109,17 @@ def same_face(c: Any, touch: Touch) -> Any:
 def touched(c: Any, p: Any, q: Any) -> Touch:
     """How a step from p to q touches a collider. Where p touches two sides, as in the rim of a pipe, that of q counts."""
     start, up = gap_and_normal(c, p)
-    if glides_in(c) and dented(c.shape):
-        _, m = gap_and_normal(c, q)
-        away = type_of(start, BESIDE) * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
-        x, y, z = (a + away * n for a, n in zip((p.x, p.y, p.z), up, strict=True))
-        other, n = gap_and_normal(c, moved_to(p, x, y, z, p.vx, p.vy, p.vz, p.t))
-        half = type_of(start, 0.5)
-        there = (dot(up, m) < half) & (dot(n, m) > half) & (other < half * away)
-        start = other - away * dot(up, n) if there else start
-        up = tuple(b if there else a for a, b in zip(up, n, strict=True))
-    return Touch(start, up, *sunk(c, p, start, up, q))
+    if not (glides_in(c) and dented(c.shape)):
+        return Touch(start, up, *sunk(c, p, start, up, q))
+    _, m = gap_and_normal(c, q)
+    away = type_of(start, BESIDE) * (abs(p.x) + abs(p.y) + abs(p.z) + p.r)
+    x, y, z = (a + away * n for a, n in zip((p.x, p.y, p.z), up, strict=True))
+    other, n = gap_and_normal(c, moved_to(p, x, y, z, p.vx, p.vy, p.vz, p.t))
+    half = type_of(start, 0.5)
+    there = (dot(up, m) < half) & (dot(n, m) > half) & (other < half * away)
+    side = tuple(b if there else a for a, b in zip(up, n, strict=True))
+    start = other - away * dot(up, n) if there else start
+    return Touch(start, side, *sunk(c, p, start, side, q))
 
 
 def sunk(c: Any, p: Any, start: Any, up: Any, q: Any) -> Any:
@@ -184,6 +185,9 @@ def glided(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> tupl
     old, new = square((p.vx, p.vy, p.vz)), square(v)
     fast = min(old, new) > least * least
     inverse = one / np.sqrt(new) if new > 0 else one
+    # What turns it presses less as it is slowed, with the square of its speed.
+    turning = max(-dot((p.vx, p.vy, p.vz), way.normal), h - h)
+    drag -= response.friction.kinetic * turning * min(drag * inverse, one)
     back = half * h * drag * inverse
     there = at_place(
         r,
@@ -191,7 +195,8 @@ def glided(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> tupl
         tuple(u - drag * inverse * u for u in v),
     )
     depth, m = gap_and_normal(c, there)
-    lift = at_place(r, lifted(c, there, depth, m), (there.vx, there.vy, there.vz))
+    speed = turned((there.vx, there.vy, there.vz), way.normal, m, False)
+    lift = at_place(r, lifted(c, there, depth, m), speed)
     slid = chosen(dot(m, way.normal) > half, lift, there)  # not off another side
     return chosen(fast, slid, slow), one if fast else turn
 
