@@ -26,7 +26,7 @@ from particlesim.engine.step.contacts import (
     rounding_of_step,
 )
 from particlesim.engine.step.crossing import all_apart, straight
-from particlesim.engine.step.lateness import along_contacts, hastened, with_places
+from particlesim.engine.step.lateness import along_contacts, hastened
 from particlesim.engine.step.lying import settled, settled_one
 from particlesim.engine.step.particle_step import kick
 from particlesim.engine.step.resting import stays, turns
@@ -90,9 +90,10 @@ def rest_behind(forces: Any, contacts: Any, p: Any, q: Any, h: Any) -> Any:
     half = type_of(h, 0.5)
     a = half * (q.vx - p.vx), half * (q.vy - p.vy), half * (q.vz - p.vz)
     late, _ = along_contacts(contacts, p, a, False)
-    begun, end, _ = with_places(p, q, a, late, h)
-    # The step of velocity Verlet, which has the same places.
-    end = moved_to(end, end.x, end.y, end.z, begun.vx + a[0], begun.vy + a[1], begun.vz + a[2], end.t)
+    # The step of velocity Verlet, which has the same places, but for what contact takes up of the velocity.
+    begun = hastened(p, late)
+    x, y, z = (b - h * (whole - part) for b, whole, part in zip((q.x, q.y, q.z), a, late, strict=True))
+    end = moved_to(q, x, y, z, begun.vx + a[0], begun.vy + a[1], begun.vz + a[2], q.t)
     r, calm = _rest(contacts, begun, kick(half, forces, end, h), h)
     ahead = kick(half, forces, r, h)
     late, _ = along_contacts(contacts, r, (ahead.vx - r.vx, ahead.vy - r.vy, ahead.vz - r.vz), False)

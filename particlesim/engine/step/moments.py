@@ -172,7 +172,9 @@ def leaving(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: A
     for _ in range(MAX_LEAVES):
         q, _, on, _ = glide(method, dynamics, forces, contacts, p, part, memory, LIVELY)
         if ahead(contacts, on, q) > two * rounding(contacts, q):
-            found, r = part, q
+            late, _ = crossing(contacts, on, p, q, part)
+            if late >= part and not turned_away(contacts.continuous, p, q):
+                found, r = part, q
             break
         part = part * two
     return found, r
