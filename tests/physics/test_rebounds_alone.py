@@ -116,7 +116,7 @@ def test_what_slides_and_bounces_beside_what_pulls_gains_nothing(
 
 
 @pytest.mark.parametrize("restitution", [0.0, 1.0])
-@pytest.mark.parametrize("ratio", [0.1, 0.3, 0.5])
+@pytest.mark.parametrize("ratio", [0.1, 0.3, 0.5, 1.2])
 def test_what_slides_on_a_torus_with_late_velocities_gains_nothing(ratio: float, restitution: float) -> None:
     """With symplectic Euler: those with which a step ends had not been those with which the next one begins, by the part of
     late velocities that surfaces take up. The energy is known of what flies."""
