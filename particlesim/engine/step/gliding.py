@@ -22,6 +22,7 @@ LIVELY, CALM, SURE = 0, 1, 2
 
 @outlined
 def step_of(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
+    """`advance`, for where it is looked at one particle by itself."""
     return advance(method, dynamics, forces, p, h, memory)
 
 
