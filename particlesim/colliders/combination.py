@@ -33,6 +33,7 @@ from particlesim.laws.registry import (
     law,
     least_gap,
     normal,
+    sure_gap,
     thinnest,
 )
 from particlesim.model.mistakes import invalid
@@ -304,6 +305,16 @@ def intersection_normal(c: IntersectionRecord, p: Particle) -> Vector:
 @law(least_gap, UnionRecord)
 def union_least_gap(c: UnionRecord, p: Particle, need: float) -> float:
     return min(*[least_gap(part, p, need) for part in c.parts])
+
+
+@law(sure_gap, UnionRecord)
+def union_sure_gap(c: UnionRecord, p: Particle) -> float:
+    return min(*[sure_gap(part, p) for part in c.parts])
+
+
+@law(sure_gap, IntersectionRecord)
+def intersection_sure_gap(c: IntersectionRecord, p: Particle) -> float:
+    return max(*[sure_gap(part, p) for part in c.parts])
 
 
 @law(thinnest, UnionRecord)

@@ -1,7 +1,8 @@
-"""Whether solids have anything in common.
+"""Whether solids have anything in common, and whether walls leave a place for what they hold.
 
-The largest of their gaps changes by no more than the way that one goes. So a cube in whose middle it is more than half of
-its diagonal holds no common point; where it may, the cube is cut into eight, those first in which it may be deepest.
+Each is known by how deep a place is in what it forbids [m], of which the largest counts. That changes by no more than the
+way that one goes. So a box in whose middle it is more than half of its diagonal is forbidden wholly; where it may not be,
+the box is cut into eight, those first in which the largest depth may be the least.
 """
 
 from __future__ import annotations
@@ -9,37 +10,62 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from particlesim.laws.registry import Particle, gap
+from particlesim.model.vectors import Vector3
 
 MOST = 2000
-"""Cubes that are looked at: what then is in doubt, as where two solids only just touch, passes."""
+"""Boxes that are looked at: what then is in doubt, as where two solids only just touch, passes."""
+
+Depth = Callable[[Particle], float]
+"""How deep a particle without radius is in what is forbidden, at least, or −1 times its distance from that at most [m]."""
 
 
 def surely_apart(shapes: Sequence[Any], reach: float) -> bool:
     """Whether some shapes have no point in common whose coordinates are up to `reach` [m]."""
-    numbers = itertools.count()  # so that no two cubes are compared by their places
-    waiting: list[tuple[float, int, tuple[float, float, float], float]] = []
+    depths = [_gap_of(shape) for shape in shapes]
+    return surely_forbidden(depths, (-reach, -reach, -reach), (reach, reach, reach))
 
-    def look(x: float, y: float, z: float, half: float) -> bool:
-        """Whether they may have the middle of a cube in common; if not, the cube waits."""
-        p = Particle(x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        largest = max(float(gap(shape, p)) for shape in shapes)
-        if not math.isfinite(largest):  # sizes out of all proportion, of which nothing is known
-            return True
-        heapq.heappush(waiting, (largest - math.sqrt(3) * half, next(numbers), (x, y, z), half))
-        return largest < 0
 
-    if look(0.0, 0.0, 0.0, reach):
+def _gap_of(shape: Any) -> Depth:
+    return lambda p: float(gap(shape, p))
+
+
+def place(x: float, y: float, z: float, radius: float = 0.0) -> Particle:
+    """What laws of shapes see: a ball at rest."""
+    return Particle(x, y, z, 0.0, 0.0, 0.0, 0.0, radius, 0.0, 0.0, 0.0)
+
+
+def surely_forbidden(depths: Sequence[Depth], low: Vector3, high: Vector3, most: int = MOST) -> bool:
+    """Whether every place in a box is forbidden by one or another; not sure after `most` boxes."""
+    numbers = itertools.count()  # so that no two boxes are compared by their places
+    waiting: list[tuple[float, int, Vector3, Vector3]] = []
+
+    def allowed(middle: Vector3, half: Vector3) -> bool:
+        """Whether the middle of a box may be allowed; if not, the box waits."""
+        p = place(*middle)
+        deepest = -math.inf
+        for depth in depths:
+            deepest = max(deepest, depth(p))
+            if not math.isfinite(deepest):  # sizes out of all proportion, of which nothing is known
+                return True
+            if deepest > math.hypot(*half):
+                return False  # all of it is forbidden: it need not wait
+        heapq.heappush(waiting, (deepest - math.hypot(*half), next(numbers), middle, half))
+        return deepest < 0
+
+    x, y, z = ((a + b) / 2 for a, b in zip(low, high, strict=True))
+    u, v, w = ((b - a) / 2 for a, b in zip(low, high, strict=True))
+    if allowed((x, y, z), (u, v, w)):
         return False
-    while waiting[0][0] <= 0:
-        if next(numbers) > MOST:
+    while waiting:
+        if next(numbers) > most:
             return False
         _, _, (x, y, z), half = heapq.heappop(waiting)
-        half /= 2
-        for u, v, w in itertools.product((-half, half), repeat=3):
-            if look(x + u, y + v, z + w, half):
+        u, v, w = (each / 2 for each in half)
+        for i, j, k in itertools.product((-1, 1), repeat=3):
+            if allowed((x + i * u, y + j * v, z + k * w), (u, v, w)):
                 return False
     return True

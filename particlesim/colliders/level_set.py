@@ -35,6 +35,7 @@ from particlesim.laws.registry import (
     law,
     least_gap,
     normal,
+    sure_gap,
     thinnest,
 )
 from particlesim.model.arrays import Floats
@@ -220,6 +221,12 @@ def level_least_gap(c: AnyLevel, p: Particle, need: float) -> float:
     return at_least(c, p) - p.r
 
 
+def level_sure_gap(c: AnyLevel, p: Particle) -> float:
+    """The bound for a particle without radius, which inside of the solid is no farther from a side of the box either."""
+    near = at_least(c, p)
+    return near if c.side < 0 or near > 0 else max(near, _to_faces(c, p.x, p.y, p.z))
+
+
 @outlined
 def level_apart(c: AnyLevel, p: Particle, q: Particle, h: float, slack: float) -> bool:
     """Whether the bounds at both ends keep the way free."""
@@ -236,6 +243,7 @@ for _record in (LevelRecord, CreasedRecord):
     law(gap_and_normal, _record)(level_gap_and_normal)
     law(normal, _record)(level_normal)
     law(least_gap, _record)(level_least_gap)
+    law(sure_gap, _record)(level_sure_gap)
     law(apart, _record)(level_apart)
     law(first_contact, _record)(level_first_contact)
 

@@ -20,6 +20,7 @@ from particlesim.laws.registry import (
     least_gap,
     moved_to,
     normal,
+    sure_gap,
     thinnest,
 )
 from particlesim.model.base import Model
@@ -159,6 +160,10 @@ def _least_gap(c: ShiftedRecord | TurnedRecord, p: Particle, need: float) -> flo
     return least_gap(c.shape, seen_from(c, p), need)
 
 
+def _sure_gap(c: ShiftedRecord | TurnedRecord, p: Particle) -> float:
+    return sure_gap(c.shape, seen_from(c, p))
+
+
 def _thinnest(c: ShiftedRecord | TurnedRecord) -> float:
     return thinnest(c.shape)
 
@@ -166,6 +171,7 @@ def _thinnest(c: ShiftedRecord | TurnedRecord) -> float:
 for _record in (ShiftedRecord, TurnedRecord):
     law(gap, _record)(_gap)
     law(least_gap, _record)(_least_gap)
+    law(sure_gap, _record)(_sure_gap)
     law(thinnest, _record)(_thinnest)
     law(apart, _record)(_apart)
     law(first_contact, _record)(_first_contact)

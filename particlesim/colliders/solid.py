@@ -26,6 +26,7 @@ from particlesim.laws.registry import (
     gap,
     law,
     normal,
+    sure_gap,
     thinnest,
 )
 from particlesim.model.base import Model
@@ -137,6 +138,10 @@ def hollow_gap(c: AnyHollow, p: Particle) -> float:
     return -gap(c.shape, point_of(p)) - p.r
 
 
+def hollow_sure_gap(c: AnyHollow, p: Particle) -> float:
+    return -sure_gap(c.shape, point_of(p)) - p.r
+
+
 def hollow_normal(c: AnyHollow, p: Particle) -> Vector:
     """The way from the wall inwards."""
     x, y, z = normal(c.shape, point_of(p))
@@ -155,6 +160,7 @@ def hollow_thinnest(c: AnyHollow) -> float:
 
 for _record in (HollowRecord, HollowConvexRecord):
     law(gap, _record)(hollow_gap)
+    law(sure_gap, _record)(hollow_sure_gap)
     law(thinnest, _record)(hollow_thinnest)
     law(normal, _record)(hollow_normal)
     law(first_contact, _record)(hollow_contact)

@@ -281,6 +281,13 @@ def least_gap(c: Any, p: Particle, need: float) -> float:
 
 
 @generic(0)
+def sure_gap(c: Any, p: Particle) -> float:
+    """The gap [m], or what has its sign and is no farther from 0: for shapes whose gap is not always a distance."""
+    laws = GENERICS[sure_gap].laws
+    return laws[type(c)](c, p) if type(c) in laws else gap(c, p)
+
+
+@generic(0)
 def thinnest(c: Any) -> float:
     """A length that a particle must move to get through any part of a shape [m]: for shapes with dents, where what lies on
     one part may meet another."""

@@ -18,6 +18,7 @@ from particlesim.layouts.mesh_formats import read_triangles
 from particlesim.model.mistakes import Invalid
 from particlesim.model.mistakes import Path as Place
 from particlesim.model.spelling import did_you_mean
+from particlesim.scenario.rules.walls import common_place
 
 if TYPE_CHECKING:
     from particlesim.scenario.scenario import Scenario
@@ -57,6 +58,8 @@ def open_colliders(scenario: Scenario) -> None:
                 _open(scenario, where, shape)
         with _at(scenario, ("bodies", k, "shape")):
             body.shape.frame()
+    if any(True for collider in scenario.colliders for _ in files_in(collider)):
+        _leave_room(scenario)
 
 
 def undefined(motion: Motion, body: Any, time: float) -> str | None:
@@ -83,6 +86,18 @@ def _open(scenario: Scenario, where: Place, solid: FromFile) -> None:
                 did_you_mean(ending, solid.endings) or f"known endings: {', '.join(solid.endings)}",
             )
         solid.take(READERS[ending](path))
+
+
+def _leave_room(scenario: Scenario) -> None:
+    """Refuse walls that leave no place for what they hold, now that it is known where those in files are."""
+    mistakes = list(common_place(scenario))
+    if not mistakes:
+        return
+    if scenario.source is None:
+        raise UsageError(mistakes[0].message, mistakes[0].hint)
+    from particlesim.scenario.text.diagnose import scenario_error
+
+    raise scenario_error(scenario.source, mistakes) from None
 
 
 @contextmanager

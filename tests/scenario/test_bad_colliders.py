@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -161,7 +162,10 @@ def test_walls_that_overlap_are_refused() -> None:
 
 def test_what_finds_no_room_is_told() -> None:
     def told(*colliders: dict[str, Any]) -> str:
-        grain = [points((0, 0, 0), name="grain", radius=0.05)]
+        # the largest of them start inside, and the smallest fits everywhere
+        places = [(0, 0, 0)] * 20
+        size = {"type": "uniform", "low": 0.001, "high": 0.05}
+        grain = [points(*places, name="grain", radius=size)]
         with uncompiled():
             return " ".join(
                 misplaced(World(ps.from_table(table(1, 1, particles=grain, colliders=colliders))))
@@ -173,7 +177,7 @@ def test_what_finds_no_room_is_told() -> None:
     # between two planes at an angle there is some, and it comes there by their sides in turn
     assert "start inside" in told(floor, slope)
     assert "no room" not in told(floor, slope)
-    box = {"type": "box", "size": [1, 1, 1], "center": [0, 3, 0], "inside": True}
+    box = {"type": "box", "size": [1, 1, 1], "center": [0, 0.46, 0], "inside": True}
     assert "does not fit between plane colliders.0 and box colliders.1" in told(
         {**floor, "normal": [0, -1, 0]}, box
     )
@@ -239,3 +243,95 @@ def test_walls_without_a_common_place_are_refused() -> None:
     # Cubes that have a slice in common, and planes any two of which leave room, are taken.
     ps.from_table(_held({"colliders": [cube, cube | {"center": [4.9, 0, 0]}]}))
     ps.from_table(_held({"planes": planes[:2]}))
+
+
+SHELL = {"type": "sphere", "radius": 1, "inside": True, "name": "shell"}
+BLOCK = {"type": "box", "size": [4, 4, 4]}
+ROOM = [{"point": [-x, -y, -z], "normal": [x, y, z]} for k in (1, -1) for x, y, z in (np.eye(3) * k).tolist()]
+SOLID_EGG = {"type": "formula", "distance": "x*x + y*y/3 + z*z - 1", "size": [3, 5, 3]}
+EGG = {**SOLID_EGG, "inside": True}
+NOWHERE, TOO_LARGE = "no position is on the allowed side", "no particle of 'e' fits between these walls"
+
+
+@pytest.mark.parametrize(
+    ("colliders", "planes", "message"),
+    [
+        # a plane beyond a container, and one that leaves a cap of it 3 cm high, then 9 cm
+        ([SHELL], [{"point": [0, 2, 0]}], NOWHERE),
+        ([SHELL], [{"point": [0, 0.97, 0]}], TOO_LARGE),
+        ([SHELL], [{"point": [0, 0.88, 0]}], None),
+        # a solid that covers a container, one that fills it but for 4 cm, and for 12 cm
+        ([SHELL, BLOCK], [], NOWHERE),
+        ([SHELL, {"type": "sphere", "radius": 0.96}], [], TOO_LARGE),
+        ([SHELL, {"type": "sphere", "radius": 0.88}], [], None),
+        # six planes about a cube of 2 m, and the same solids; and four of them, that lie beside each other
+        ([BLOCK], ROOM, NOWHERE),
+        ([{"type": "box", "size": [1.95, 1.95, 1.95]}], ROOM, TOO_LARGE),
+        ([{"type": "box", "size": [1.7, 1.7, 1.7]}], ROOM, None),
+        ([{"type": "box", "size": [1, 3, 3], "center": [x, 0, 0]} for x in (-0.9, 0, 0.9)], ROOM, NOWHERE),
+        # containers whose gap is no distance
+        ([EGG, {"type": "box", "size": [1, 1, 1], "inside": True, "center": [9, 0, 0]}], [], NOWHERE),
+        ([EGG, {"type": "box", "size": [1, 1, 1], "inside": True, "center": [1.4, 0, 0]}], [], None),
+        ([{**EGG, "orientation": {"axis": [0, 0, 1], "angle": 90}}], [{"point": [0, 1.3, 0]}], NOWHERE),
+        ([EGG], [{"point": [0, 1.3, 0]}], None),
+        ([{"type": "union", "of": [SOLID_EGG, {"type": "sphere", "radius": 1}], "inside": True}, BLOCK], [], NOWHERE),
+        ([{"type": "union", "of": [SOLID_EGG, {"type": "sphere", "radius": 2.2}], "inside": True}, BLOCK], [], None),
+        # soft walls let particles in, and planes without an end leave room
+        ([SHELL], [{"point": [0, 0.93, 0], "contact": "penalty", "stiffness": 1e3}], None),
+        ([BLOCK], ROOM[:5], None),
+    ],
+)  # fmt: skip
+def test_walls_that_leave_no_room_are_refused(colliders: Any, planes: Any, message: str | None) -> None:
+    scenario = _held({"colliders": colliders, "planes": planes})
+    if message is None:
+        ps.from_table(scenario)
+        return
+    with pytest.raises(ps.ScenarioError, match=message):
+        ps.from_table(scenario)
+
+
+def test_the_walls_that_leave_no_room_are_told_and_no_others() -> None:
+    others = [{"type": "sphere", "radius": 0.1, "center": [k, 0, 0]} for k in range(3)]
+    with pytest.raises(ps.ScenarioError, match=NOWHERE) as caught:
+        ps.from_table(_held({"colliders": [*others, SHELL], "planes": [{}, {"point": [0, 2, 0]}]}))
+    text = str(caught.value)
+    assert "shell" in text
+    assert "planes.1" in text
+    assert "planes.0" not in text
+    assert "colliders.0" not in text
+    with pytest.raises(
+        ps.ScenarioError, match="no particle of 'e' fits into this wall: the smallest has a radius"
+    ):
+        ps.from_table(_held({"colliders": [{**SHELL, "radius": 0.04}]}))
+
+
+def test_walls_in_files_that_leave_no_room_are_refused(tmp_path: Path) -> None:
+    # known when the file is read: before the run, with the place in the scenario
+    trimesh.creation.icosphere(subdivisions=2, radius=1.0).export(tmp_path / "shell.ply")
+    text = """
+format = 1
+[simulation]
+duration = 0.1
+dt = 0.01
+[[emitters]]
+name = "e"
+rate = 10
+shape = { type = "point", position = [0, 0, 0] }
+[[colliders]]
+type = "mesh"
+path = "shell.ply"
+inside = true
+[[colliders]]
+type = "box"
+size = [SIZE, SIZE, SIZE]
+"""
+    path = tmp_path / "a.toml"
+    for size, full in (("4", True), ("1", False)):
+        path.write_text(text.replace("SIZE", size))
+        with uncompiled():
+            if not full:
+                World(ps.load(path))
+                continue
+            with pytest.raises(ps.ScenarioError, match=NOWHERE) as caught:
+                World(ps.load(path))
+        assert {each.span.line for each in caught.value.diagnostics if each.span} == {14}

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations
-from typing import Any
 
 import numpy as np
 
+from particlesim.bodies import Bodies
 from particlesim.colliders import Collider, Plane
-from particlesim.colliders.emptiness import surely_apart
+from particlesim.colliders.content import files_in
+from particlesim.colliders.emptiness import Depth, surely_forbidden
 from particlesim.colliders.solid import SolidCollider
+from particlesim.groups.group import Particles
+from particlesim.laws.registry import sure_gap
+from particlesim.model.arrays import Floats
 from particlesim.model.mistakes import Invalid, Path
-from particlesim.model.vectors import dot, unit
+from particlesim.model.vectors import Vector3, dot, unit
 from particlesim.scenario.reach import collider_tables, held_back
 from particlesim.scenario.tables import Tables
 
 NOWHERE = 1e-9
 """Part of the distances of planes from the origin by which they must overlap at least, for all that is rounded."""
+ON = "on = [...] names the groups that a wall holds back"
+"""What helps where walls hold what they need not."""
 FACING = 1e-12
 """How far n·m of two planes that face each other is from −1, at most."""
+FEW, MANY = 2_000, 20_000
+"""Boxes that are looked at for a place between walls, with and without those whose gap takes a search: half a second."""
 
 
 def room(scenario: Tables) -> Iterator[Invalid]:
@@ -46,60 +53,130 @@ def room(scenario: Tables) -> Iterator[Invalid]:
                         f"these walls are {between:.3g} m apart, and particles of {group.name!r} {2 * size[1]:.3g} m thick",
                         path,
                         ((other_path, "the other wall"),),
-                        hint="on = [...] names the groups that a wall holds back",
+                        hint=ON,
                     )
 
 
 def common_place(scenario: Tables) -> Iterator[Invalid]:
-    """There is a place that all walls at rest allow a group: planes, and containers whose gap is a distance."""
+    """There is a place for the smallest particle of each group between all the walls at rest that hold it: planes,
+    containers and solids, of those in files the ones that have been read."""
     led = {motion.collider for motion in scenario.motions if motion.collider is not None}
     still = [
-        (path, each) for path, each in collider_tables(scenario) if each.name is None or each.name not in led
+        (path, each)
+        for path, each in collider_tables(scenario)
+        if (each.name is None or each.name not in led) and all(solid.is_open for _, solid in files_in(each))
     ]
     told: set[tuple[Path, ...]] = set()
     for group in scenario.groups:
-        walls = [(path, each) for path, each in still if held_back(each, (group.name,))]
-        planes = [(path, each) for path, each in walls if isinstance(each, Plane)]
-        hollow = [(path, each) for path, each in walls if _is_container(each)]
-        for paths in (*_planes_without_place(planes), *_containers_apart(hollow)):
+        if isinstance(group, Particles) and group.pinned is True:
+            continue
+        size = None if isinstance(group, Bodies) else group.least_size()
+        walls = [_Wall(path, each) for path, each in still if held_back(each, (group.name,))]
+        for radius in (0.0, *(() if size is None else size[1:])):
+            between = _without_place(walls, radius)
+            if not between:
+                continue
+            paths = tuple(wall.path for wall in between)
             if paths not in told:
                 told.add(paths)
                 yield Invalid(
-                    f"no position is on the allowed side of all of these walls, which hold {group.name!r}",
+                    _no_place(len(paths), group.name, radius),
                     paths[-1],
                     tuple((path, "another of the walls") for path in paths[:-1]),
-                    hint="on = [...] names the groups that a wall holds back",
+                    hint=ON if len(paths) > 1 else "a smaller radius, or a larger wall",
                 )
+            break
 
 
-def _is_container(each: Collider) -> bool:
-    """Whether particles are held in it, and its gap is known to be a distance."""
-    return isinstance(each, SolidCollider) and each.inside and bool(getattr(each, "exact", False))
+def _no_place(number: int, group: str, radius: float) -> str:
+    """What there is no place for, between how many walls."""
+    if not radius:
+        return f"no position is on the allowed side of all of these walls, which hold {group!r}"
+    ball = f"no particle of {group!r} fits"
+    if number == 1:
+        return f"{ball} into this wall: the smallest has a radius of {radius:.3g} m"
+    return f"{ball} between these walls: the smallest has a radius of {radius:.3g} m"
 
 
-def _containers_apart(hollow: list[tuple[Path, Collider]]) -> Iterator[tuple[Path, ...]]:
-    """Pairs of containers that have no place in common."""
-    for (path, one), (other_path, other) in combinations(hollow, 2):
-        solids: list[Any] = [one, other]
-        if surely_apart([each.geometry() for each in solids], min(each.farthest() for each in solids)):
-            yield path, other_path
+class _Wall:
+    """A collider at rest, where it is stated, and how deep places are in what it forbids."""
+
+    def __init__(self, path: Path, collider: Collider) -> None:
+        self.path = path
+        self.collider = collider
+        self.plane = collider if isinstance(collider, Plane) else None
+        self.hollow = isinstance(collider, SolidCollider) and collider.inside
+        self._shape = collider.shape()
+
+    def depth(self, radius: float) -> Depth:
+        """How deep balls of a radius are in what it forbids. Soft walls let them in, up to their centres at least."""
+        shape, size = self._shape, 0.0 if self.collider.soft else radius
+        return lambda p: -float(sure_gap(shape, p._replace(r=size)))
 
 
-def _planes_without_place(planes: list[tuple[Path, Plane]]) -> Iterator[tuple[Path, ...]]:
-    """The planes that exclude each other, three or more, by the linear program: the largest t with n·x ≥ n·p + t for all."""
-    if len(planes) < 3:
-        return
+def _without_place(walls: list[_Wall], radius: float) -> list[_Wall]:
+    """The walls that together leave no place for a ball of a radius, none of them too many; none where there is a place, or
+    may be one."""
+    planes = [wall for wall in walls if wall.plane is not None]
+    if between := _planes_without_place(planes, radius):
+        return between
+    if len(planes) == len(walls) or not _leave_none(walls, radius):
+        return []
+    for wall in tuple(walls):
+        fewer = [each for each in walls if each is not wall]
+        if _leave_none(fewer, radius):
+            walls = fewer
+    return walls
+
+
+def _leave_none(walls: list[_Wall], radius: float) -> bool:
+    """Whether walls that are not all planes surely leave no place for a ball of a radius."""
+    reach = min((wall.collider.reach() for wall in walls if wall.hollow), default=None)
+    if reach is not None:
+        low, high = (-reach, -reach, -reach), (reach, reach, reach)
+    elif (found := _between_planes([wall for wall in walls if wall.plane is not None])) is not None:
+        low, high = found
+    else:
+        return False  # of what has no end, solids leave something
+    most = FEW if any(wall.collider.costly for wall in walls) else MANY
+    return surely_forbidden([wall.depth(radius) for wall in walls], low, high, most)
+
+
+def _half_spaces(planes: list[_Wall]) -> tuple[Floats, Floats]:
+    """Normals n [k, 3] of planes and n·p of a place on each [m], [k]."""
+    sides = [(unit(wall.plane.normal), wall.plane.point) for wall in planes if wall.plane is not None]
+    return np.array([n for n, _ in sides]), np.array([dot(n, point) for n, point in sides])
+
+
+def _between_planes(planes: list[_Wall]) -> tuple[Vector3, Vector3] | None:
+    """The low and the high corner of the box about what is on the allowed side of planes; None if that has no end."""
+    if len(planes) < 4:
+        return None
     from scipy.optimize import linprog
 
-    normals = np.array([unit(each.normal) for _, each in planes])
-    offsets = np.array([dot(unit(each.normal), each.point) for _, each in planes])
-    scale = float(np.abs(offsets).max()) or 1.0
+    normals, offsets = _half_spaces(planes)
+    ends = []
+    for cost in (*np.eye(3), *-np.eye(3)):
+        found = linprog(cost, A_ub=-normals, b_ub=-offsets, bounds=(None, None))
+        if not found.success:
+            return None
+        ends.append(found.fun)
+    return (ends[0], ends[1], ends[2]), (-ends[3], -ends[4], -ends[5])
+
+
+def _planes_without_place(planes: list[_Wall], radius: float) -> list[_Wall]:
+    """The planes that exclude each other, three or more, by the linear program: the largest t with n·x ≥ n·p + t for all."""
+    if len(planes) < 3:
+        return []
+    from scipy.optimize import linprog
+
+    normals, offsets = _half_spaces(planes)
+    scale = max(float(np.abs(offsets).max()), radius) or 1.0
+    size = np.array([0.0 if wall.collider.soft else radius for wall in planes])
     rows = np.hstack([-normals, np.ones((len(planes), 1))])
     bounds = [(None, None)] * 3 + [(None, 1.0)]
-    found = linprog([0, 0, 0, -1], A_ub=rows, b_ub=-offsets / scale, bounds=bounds)
-    if found.x is not None and found.success and found.x[3] < -NOWHERE:
-        needed = [
-            path for (path, _), dual in zip(planes, found.ineqlin.marginals, strict=True) if dual < -1e-9
-        ]
-        if len(needed) > 2:  # two are told by `room`
-            yield tuple(needed)
+    found = linprog([0, 0, 0, -1], A_ub=rows, b_ub=-(offsets + size) / scale, bounds=bounds)
+    if found.x is None or not found.success or not found.x[3] < -NOWHERE:
+        return []
+    needed = [wall for wall, dual in zip(planes, found.ineqlin.marginals, strict=True) if dual < -1e-9]
+    return needed if len(needed) > 2 else []  # two are told by `room`
