@@ -173,12 +173,12 @@ def _missed(number: int) -> str:
 
 
 def _change(ends: dict[str, float] | None) -> str:
-    """'12.3 J → 12.1 J (−1.6 %)'."""
+    """'12.3 J → 12.1 J (−1.6 %)'; a change of more than all of it is no part of it, as where it was near 0."""
     if ends is None:
         return ""
     first, last = ends["first"], ends["last"]
     text = f"{first:.6g} J → {last:.6g} J"
-    return f"{text} ({100 * (last - first) / abs(first):+.3g} %)" if first else text
+    return f"{text} ({100 * (last - first) / abs(first):+.3g} %)" if abs(last - first) < abs(first) else text
 
 
 def _work_text(work: dict[str, float] | None) -> str:

@@ -19,7 +19,7 @@ from particlesim.bodies.mass import Solidity, enclosed_by
 from particlesim.bodies.pieces import HULL, Piece, overlapping, union_of
 from particlesim.bodies.shape import UNTURNED
 from particlesim.colliders.content import FromFile
-from particlesim.colliders.mesh import require_solid, without_flat
+from particlesim.colliders.mesh import TURN, require_solid, told_of_flat, without_flat
 from particlesim.colliders.triangulation import Triangles, three_cornered
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
@@ -70,6 +70,7 @@ class MeshBody(FromFile, BodyShape):
             faces[three_cornered(faces)],
             self.path,
             "a rigid body has a volume, and every edge of its surface two triangles",
+            TURN,
         )
         hulls = tuple(hull_of(corners[part], self.path) for part in convex_parts(corners, solid))
         if len(hulls) > MOST_PARTS:
@@ -121,7 +122,7 @@ class MeshBody(FromFile, BodyShape):
     def remarks(self) -> tuple[str, ...]:
         found = []
         if self.dropped:
-            found.append(f"{self.path}: {self.dropped:,} of its triangles have no area and are left out")
+            found.append(told_of_flat(self.path, self.dropped))
         if self.filled() < FILLED:
             found.append(
                 f"{self.path}: bodies touch with the convex hull of their mesh, of which it fills {self.filled():.0%} only, "

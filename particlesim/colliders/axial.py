@@ -28,7 +28,12 @@ class AxialSolid(Solid):
     @model_validator(mode="after")
     def _has_length(self) -> AxialSolid:
         if self.start == self.end:
-            raise invalid(f"a {self.kind} needs a length", at=("end",), also=[(("start",), "the same place")])
+            raise invalid(
+                f"a {self.kind} needs a length",
+                at=("end",),
+                also=[(("start",), "the same place")],
+                allowed="any place but that of its start",
+            )
         return self
 
     def length(self) -> float:

@@ -150,8 +150,24 @@ def without_flat(corners: Floats, faces: Ints) -> tuple[Ints, int]:
 SHEET = "thickness makes it a sheet, which particles touch from both sides and which may be open"
 
 
-def require_solid(corners: Floats, faces: Ints, name: str, hint: str = SHEET) -> None:
-    """Raises UsageError for triangles that enclose no body with their fronts outwards; the hint is for open ones."""
+TURN = "wind the corners of its triangles the other way round"
+
+
+def told_of_flat(name: str, dropped: int) -> str:
+    """That triangles of a file have no area."""
+    verbs = ("has", "is") if dropped == 1 else ("have", "are")
+    return "{}: {:,} of its triangles {} no area and {} left out".format(name, dropped, *verbs)
+
+
+def require_solid(
+    corners: Floats,
+    faces: Ints,
+    name: str,
+    hint: str = SHEET,
+    turn: str = f"{TURN}; a container is inside = true",
+) -> None:
+    """Raises UsageError for triangles that enclose no body with their fronts outwards; the hint is for open ones, `turn` for
+    those that look inwards."""
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     size = len(corners) + 1
     there, back = ends[:, 0] * size + ends[:, 1], ends[:, 1] * size + ends[:, 0]
@@ -181,10 +197,7 @@ def require_solid(corners: Floats, faces: Ints, name: str, hint: str = SHEET) ->
     if abs(volume) <= FLAT * float(np.ptp(corners, axis=0).max()) * area(corners, faces):
         raise UsageError(f"{name} has no volume: its triangles lie back to back", hint)
     if volume < 0:
-        raise UsageError(
-            f"{name} is inside out: its triangles turn their fronts inwards",
-            "wind the corners of its triangles the other way round; a container is inside = true",
-        )
+        raise UsageError(f"{name} is inside out: its triangles turn their fronts inwards", turn)
 
 
 def enclosed(corners: Floats, faces: Ints) -> float:

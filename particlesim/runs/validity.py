@@ -11,6 +11,7 @@ import numpy as np
 
 from particlesim.colliders import Collider
 from particlesim.colliders.content import files_in
+from particlesim.colliders.mesh import told_of_flat
 from particlesim.engine.diagnosis.crowding import crowded, crowded_births
 from particlesim.engine.diagnosis.haste import Haste, haste
 from particlesim.engine.diagnosis.overlaps import Caught, caught, no_room, overlaps
@@ -330,7 +331,7 @@ def chords(world: World) -> tuple[str, ...]:
 def flat_triangles(scenario: Scenario) -> tuple[str, ...]:
     """A sentence for every mesh that particles collide with some of whose triangles have no area."""
     return tuple(
-        f"{solid.path}: {solid.dropped:,} of its triangles have no area and are left out"
+        told_of_flat(solid.path, solid.dropped)
         for collider in scenario.colliders
         for _, solid in files_in(collider)
         if solid.dropped

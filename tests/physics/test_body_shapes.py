@@ -216,7 +216,7 @@ def test_triangles_without_area_are_dropped_and_told(tmp_path: Path) -> None:
         forces=GRAVITY,
         planes=[FLOOR],
     )
-    assert any("1 of its triangles have no area" in text for text in result.warnings)
+    assert any("1 of its triangles has no area" in text for text in result.warnings)
 
 
 # ---- the least distance

@@ -98,7 +98,7 @@ def test_triangles_without_area_are_dropped_and_told(tmp_path: Path) -> None:
 
     ball(tmp_path / "flat.ply", split)
     result = ps.run(scenario(tmp_path, {"type": "mesh", "path": "flat.ply", "thickness": 1e-3}))
-    assert any("1 of its triangles have no area" in line for line in result.warnings)
+    assert any("1 of its triangles has no area" in line for line in result.warnings)
 
     # others name a corner twice; the surface without them is closed
     ball(tmp_path / "twice.obj", lambda v, f: (v, np.concatenate([f, [[3, 3, 5], [7, 7, 7]]])))

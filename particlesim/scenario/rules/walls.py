@@ -155,12 +155,12 @@ def _between_planes(planes: list[_Wall]) -> tuple[Vector3, Vector3] | None:
     from scipy.optimize import linprog
 
     normals, offsets = _half_spaces(planes)
-    ends = []
+    ends: list[float] = []
     for cost in (*np.eye(3), *-np.eye(3)):
         found = linprog(cost, A_ub=-normals, b_ub=-offsets, bounds=(None, None))
-        if not found.success:
+        if not found.success or found.fun is None:
             return None
-        ends.append(found.fun)
+        ends.append(float(found.fun))
     return (ends[0], ends[1], ends[2]), (-ends[3], -ends[4], -ends[5])
 
 
