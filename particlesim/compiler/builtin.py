@@ -301,10 +301,19 @@ def _prefetch(frame: Frame, array: Array, *indices: Any) -> None:
     w.do(f"call void @llvm.prefetch.p0(ptr {w.offset(array, list(indices)).ref}, i32 0, i32 3, i32 1)")
 
 
+@rule(intrinsics.pause)
+def _pause(frame: Frame) -> None:
+    if intrinsics.PAUSE:
+        name, kind = intrinsics.PAUSE.removesuffix(")").split("(")
+        frame.w.declared[name] = f"declare void @{name}({kind[:3]})"
+        frame.w.do(f"call void @{intrinsics.PAUSE}")
+
+
 @rule(intrinsics.let_others_run)
 def _let_others_run(frame: Frame) -> None:
-    frame.w.declared[intrinsics.YIELD] = f"declare i32 @{intrinsics.YIELD}()"
-    frame.w.emit(f"call i32 @{intrinsics.YIELD}()")
+    name, kind = intrinsics.SLEEP.removesuffix(")").split("(")
+    frame.w.declared[name] = f"declare i32 @{name}({kind[:3]})"
+    frame.w.emit(f"call i32 @{intrinsics.SLEEP}")
 
 
 def array_method(frame: Frame, method: Method, *arguments: Any) -> Any:

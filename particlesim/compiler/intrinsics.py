@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import ctypes
 import os
+import platform
 import struct
 import sys
+import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -20,8 +22,13 @@ F = TypeVar("F", bound=Callable[..., object])
 
 LINE = 64
 """Arrays on the stack begin at a cache line [bytes]."""
-YIELD = "SwitchToThread" if sys.platform == "win32" else "sched_yield"
-"""The system's function that gives the core to another thread."""
+_X86, _ARM = "llvm.x86.sse2.pause()", "llvm.aarch64.isb(i32 15)"
+PAUSE = {"x86_64": _X86, "amd64": _X86, "arm64": _ARM, "aarch64": _ARM}.get(platform.machine().lower(), "")
+"""The instruction of a processor for loops that wait, as LLVM calls it."""
+REST = 20
+"""How long a thread that waits lets others run, at least [µs]."""
+SLEEP = "SwitchToThread()" if sys.platform == "win32" else f"usleep(i32 {REST})"
+"""The call of the system that lets others run. Windows sleeps for milliseconds only: there the core is yielded."""
 
 _LIBRARY = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
 
@@ -109,10 +116,13 @@ def prefetch(array: NDArray[Any], *indices: int) -> None:
     """Have the cache line of an element fetched, which will be read soon; nothing else."""
 
 
+def pause() -> None:
+    """Between looks at what another thread will write: leaves the units of a core to the other thread that runs on it."""
+
+
 def let_others_run() -> None:
-    """Give the core to another thread."""
-    if hasattr(os, "sched_yield"):
-        os.sched_yield()
+    """Give the core to other threads for some microseconds."""
+    time.sleep(1e-6 * REST)
 
 
 def fma(a: float, b: float, c: float) -> float:

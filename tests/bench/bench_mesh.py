@@ -21,7 +21,7 @@ import numpy as np
 
 import particlesim as ps
 from particlesim.compiler import kernel
-from particlesim.compiler.barrier import new_gate
+from particlesim.engine.barrier import new_gate
 from particlesim.engine.interactions.interaction import Lone
 from particlesim.engine.interactions.mesh import plan
 from particlesim.engine.interactions.mesh.bricks import new_bricks

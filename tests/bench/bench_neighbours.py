@@ -26,7 +26,7 @@ from scipy.spatial import cKDTree
 
 import particlesim as ps
 from particlesim.compiler import kernel
-from particlesim.compiler.barrier import new_gate
+from particlesim.engine.barrier import new_gate
 from particlesim.engine.interactions.near_sums import pull_on
 from particlesim.engine.interactions.neighbours.record import BUILDS, enlarged, forget, new_neighbours
 from particlesim.engine.interactions.neighbours.refresh import Crew, Where, refresh

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import kernel
-from particlesim.compiler.barrier import new_gate
+from particlesim.engine.barrier import new_gate
 from particlesim.engine.interactions.tree import calibration
 from particlesim.engine.interactions.tree.field import Hand, new_tree, sum_field
 from particlesim.engine.interactions.tree.form import Form, Gradient, OneSign, Plummer

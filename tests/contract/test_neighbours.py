@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from particlesim.compiler import kernel
-from particlesim.compiler.barrier import new_gate
+from particlesim.engine.barrier import new_gate
 from particlesim.engine.interactions.neighbours.curve import curve_key
 from particlesim.engine.interactions.neighbours.record import (
     BUILDS,

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import kernel, outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 
 TIGHT = 1e-14
 """Part of its length by which a rod may be too long or too short."""

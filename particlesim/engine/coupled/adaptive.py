@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import kernel
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.kernel import displace, end_interval, find_slopes, restore, save
 from particlesim.engine.coupled.rebounds import settle_rebounds

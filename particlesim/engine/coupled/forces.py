@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from particlesim.compiler import kernel, on_stack, outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.bonds import add_bonds, chunks_of
 from particlesim.engine.interactions.interaction import add_elements, add_settled_set, prepare_elements
 from particlesim.engine.state.columns import block_of, fetch, in_step, span, type_of

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import exact, kernel, lanes, on_stack, outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.coupled.adaptive import after, give_up, next_event, worst
 from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.forces import evaluate

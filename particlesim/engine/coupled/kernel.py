@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from particlesim.compiler import kernel
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.constraints.shake_rattle import after_contact, after_kicks, hold, places, take_aim
 from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.forces import (

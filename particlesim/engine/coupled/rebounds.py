@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.coupled.forces import evaluate
 from particlesim.engine.interactions.interaction import prepare_elements
 from particlesim.engine.state.columns import in_step, span, type_of

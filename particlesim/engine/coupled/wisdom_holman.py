@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import kernel, outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.coupled.forces import evaluate
 from particlesim.engine.coupled.gauss_radau import carried
 from particlesim.engine.coupled.kepler import kepler_step

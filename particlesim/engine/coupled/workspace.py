@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler.barrier import new_gate
+from particlesim.engine.barrier import new_gate
 from particlesim.engine.constraints.constraint import Constraint
 from particlesim.engine.interactions.bond_layout import shares
 from particlesim.engine.interactions.interaction import Interaction

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import outlined, shared
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.state.columns import type_of
 from particlesim.model.arrays import Floats, Ints
 

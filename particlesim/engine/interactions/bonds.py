@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from particlesim.bonds import BondSet, record_of
 from particlesim.bonds.spring import Pair
 from particlesim.compiler import kernel, outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.bond_layout import (
     FIRST,
     HOLES,

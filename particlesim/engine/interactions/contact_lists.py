@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import lanes, on_stack, outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.interaction import Ints
 from particlesim.engine.interactions.neighbours.record import (
     BUILDS,

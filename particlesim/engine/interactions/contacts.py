@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import kernel, outlined, prefetch
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.contact_lists import (
     BUILT,
     FRESH,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
-from particlesim.compiler.barrier import meet, new_gate
+from particlesim.engine.barrier import meet, new_gate
 from particlesim.engine.interactions.coupling import Coupling
 from particlesim.engine.state.columns import presence
 from particlesim.engine.state.group_state import GroupState

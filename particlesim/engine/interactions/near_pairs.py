@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import kernel, lanes, on_stack
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.coincident import refuse_coincident
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site, lone
 from particlesim.engine.interactions.near_sums import (

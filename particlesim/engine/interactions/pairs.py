@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import kernel, lanes, much, on_stack, outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.coincident import refuse_coincident
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.pair_blocks import (

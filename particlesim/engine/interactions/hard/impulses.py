@@ -29,7 +29,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from particlesim.compiler import outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.contacts import hold_stuck, with_masses
 from particlesim.engine.interactions.hard.apart import (
     DONE,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import atomic_add, lanes, on_stack, outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.mesh.fourier import half_of
 from particlesim.engine.interactions.mesh.splines import LANES, order_of, weigh
 from particlesim.engine.interactions.neighbours.record import FAR

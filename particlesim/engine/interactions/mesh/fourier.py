@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import lanes, on_stack, outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 
 LANES = 8
 """Lines that are transformed together."""

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import kernel, shared
-from particlesim.compiler.barrier import meet, new_gate
+from particlesim.engine.barrier import meet, new_gate
 from particlesim.engine.interactions.coincident import refuse_coincident
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Lone, Site, lone
 from particlesim.engine.interactions.mesh import calibration

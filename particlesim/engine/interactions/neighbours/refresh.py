@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import outlined, prefetch, shared
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.neighbours.record import (
     BUILDS,
     CHANGED,

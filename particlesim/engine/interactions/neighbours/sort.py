@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import on_stack, outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.neighbours.curve import LEVELS, curve_key
 from particlesim.engine.interactions.neighbours.record import (
     DIGIT,

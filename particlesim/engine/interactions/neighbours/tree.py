@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.neighbours.record import FAR, GROUP
 from particlesim.engine.state.columns import type_of
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import outlined, shared
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.neighbours.record import FAR, GROUP, MOST, NO_ROOM, lives
 from particlesim.engine.interactions.neighbours.refresh import Crew, Where, build
 from particlesim.engine.interactions.surfaces.closest import Four

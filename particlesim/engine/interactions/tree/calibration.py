@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import kernel, on_stack, outlined
-from particlesim.compiler.barrier import new_gate
+from particlesim.engine.barrier import new_gate
 from particlesim.engine.interactions.tree.direct import TARGETS, pair
 from particlesim.engine.interactions.tree.field import LEAST_NEED, Hand, Tree, field_of_all, for_threads
 from particlesim.engine.interactions.tree.form import EXACTEST

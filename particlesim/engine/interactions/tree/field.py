@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import atomic_add, kernel, outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.tree.cells import (
     Cells,
     Sorted,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import outlined
-from particlesim.compiler.barrier import meet
+from particlesim.engine.barrier import meet
 
 _BITS = 11
 _DIGITS = 1 << _BITS

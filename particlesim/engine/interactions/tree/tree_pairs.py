@@ -17,7 +17,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.compiler.barrier import new_gate
+from particlesim.engine.barrier import new_gate
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.pair_blocks import CHARGE
 from particlesim.engine.interactions.pair_tensors import PairTensors
