@@ -33,7 +33,7 @@ def _gap_of(shape: Any) -> Depth:
     return lambda p: float(gap(shape, p))
 
 
-def place(x: float, y: float, z: float, radius: float = 0.0) -> Particle:
+def _place(x: float, y: float, z: float, radius: float = 0.0) -> Particle:
     """What laws of shapes see: a ball at rest."""
     return Particle(x, y, z, 0.0, 0.0, 0.0, 0.0, radius, 0.0, 0.0, 0.0)
 
@@ -45,7 +45,7 @@ def surely_forbidden(depths: Sequence[Depth], low: Vector3, high: Vector3, most:
 
     def allowed(middle: Vector3, half: Vector3) -> bool:
         """Whether the middle of a box may be allowed; if not, the box waits."""
-        p = place(*middle)
+        p = _place(*middle)
         deepest = -math.inf
         for depth in depths:
             deepest = max(deepest, depth(p))

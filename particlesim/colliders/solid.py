@@ -139,6 +139,7 @@ def hollow_gap(c: AnyHollow, p: Particle) -> float:
 
 
 def hollow_sure_gap(c: AnyHollow, p: Particle) -> float:
+    """As `hollow_gap`, of what is sure of the solid's."""
     return -sure_gap(c.shape, point_of(p)) - p.r
 
 

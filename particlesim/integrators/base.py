@@ -10,6 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple, Self
 
+import numpy as np
+from numpy.polynomial import Polynomial
+
 from particlesim.integrators.options import FixedStep, Options
 from particlesim.integrators.trees import Condition, order_conditions
 
@@ -27,6 +30,9 @@ class CompositionRecord(NamedTuple):
 
     kicks: tuple[float | None, ...]
     drifts: tuple[float | None, ...]
+    keeps: tuple[float, float, float] | None = None
+    """What a method of fourth order keeps of a mass on a spring beside its energy: c₄, c₆ and c₈ of the factor
+    1 + c₄ (ω h)⁴ + c₆ (ω h)⁶ + c₈ (ω h)⁸ of the energy of the spring; None with methods of another order."""
 
 
 class VerletRecord(NamedTuple):
@@ -226,8 +232,24 @@ class Composition(Method):
 
     def record(self) -> CompositionRecord:
         return CompositionRecord(
-            tuple(none_if_zero(x) for x in self.kicks), tuple(none_if_zero(x) for x in self.drifts)
+            tuple(none_if_zero(x) for x in self.kicks),
+            tuple(none_if_zero(x) for x in self.drifts),
+            self._keeps() if self.order == 4 and self.reversible else None,
         )
+
+    def _keeps(self) -> tuple[float, float, float]:
+        """A step of a mass on a spring is a matrix of polynomials of (ω h)², with the same numbers on its diagonal: with
+        b and −c ω² beside them it keeps v²/2 + (c/b) ω² x²/2."""
+        square = Polynomial([0.0, 1.0])
+        x, v = (Polynomial([1.0]), Polynomial([0.0])), (Polynomial([0.0]), Polynomial([1.0]))
+        for kick, drift in zip(self.kicks, self.drifts, strict=True):
+            v = v[0] - kick * square * x[0], v[1] - kick * square * x[1]
+            x = x[0] + drift * v[0], x[1] + drift * v[1]
+        below, above = (np.pad(np.real(each.coef), (0, 5))[:5] for each in (x[1], -(v[0] // square)))
+        factor = np.zeros(5)
+        for k in range(5):  # the quotient of both series
+            factor[k] = (above[k] - below[1 : k + 1] @ factor[:k][::-1]) / below[0]
+        return float(factor[2]), float(factor[3]), float(factor[4])
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from simulate import points, simulate, way
 
+from particlesim.integrators.yoshida4 import YOSHIDA4
+
 H = 1e-3
 ANCHOR = np.array([0.13, 0.07, 0.05])
 FACES = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
@@ -73,7 +75,12 @@ def energies_on_a_spring(
         **colliders,
     )
     f = -(omega**2) * (x - ANCHOR)
-    energy = ((v**2).sum(-1) + (omega * (x - ANCHOR)) ** 2 @ np.ones(3)) / 2
+    kept = 1.0
+    if method == "yoshida4":
+        kept += sum(
+            c * ratio**order for c, order in zip(YOSHIDA4.record().keeps or (), (4, 6, 8), strict=True)
+        )
+    energy = ((v**2).sum(-1) + kept * (omega * (x - ANCHOR)) ** 2 @ np.ones(3)) / 2
     if method == "symplectic_euler":
         energy += H / 2 * (v * f).sum(-1)
     elif method == "velocity_verlet":
@@ -92,6 +99,17 @@ def test_what_bounces_on_a_spring_gains_nothing(method: str, scene: str, ratio: 
     assert energy.max() <= 1 + 1e-11
     if ratio == 0.1 and scene != "corner":
         assert energy.min() >= 1 - 1e-3
+
+
+@pytest.mark.parametrize("scene", [*CENTRED, "torus"])
+@pytest.mark.parametrize("ratio", [0.1, 0.4, 0.8])
+def test_what_bounces_with_a_method_of_fourth_order_gains_nothing(ratio: float, scene: str) -> None:
+    """But for (ω h)¹⁰, where what is known of it ends. Impacts that divide its steps had given some particles 0.2 % in 4000
+    steps with ω h = 0.3 and 5 % with 0.4, and longer steps had lost a third with 0.5."""
+    energy = energies_on_a_spring("yoshida4", scene, ratio, 1.0)
+    assert energy.max() <= 1 + 1e-11 + 1e-2 * ratio**10
+    if ratio <= 0.4:
+        assert energy[-1].mean() > 0.998
 
 
 @pytest.mark.parametrize("scene", ["floor", "ball"])
@@ -135,13 +153,6 @@ def test_what_slides_on_a_torus_with_late_velocities_gains_nothing(ratio: float,
     energy -= H / 2 * omega**2 * (v * (x - ANCHOR)).sum(-1)
     flies = np.hypot(np.hypot(x[..., 0], x[..., 2]) - 0.3, x[..., 1]) > 0.1 + 1e-9
     assert np.where(flies, energy / energy[0], 0).max() <= 1 + 1e-11
-
-
-@pytest.mark.parametrize("scene", CENTRED)
-@pytest.mark.parametrize(("ratio", "swing"), [(0.1, 1e-4), (0.3, 3e-3), (0.8, 0.06)])
-def test_yoshidas_method_gains_nothing_but_its_swing(scene: str, ratio: float, swing: float) -> None:
-    """Its energy swings by 0.1 (ω h)⁴ or so. Impacts that divided its steps gave a half with ω h = 0.8 in 2000 steps."""
-    assert energies_on_a_spring("yoshida4", scene, ratio, 1.0).max() <= 1 + swing
 
 
 @pytest.mark.parametrize("scene", ["floor", "box"])

@@ -59,7 +59,7 @@ from particlesim.engine.step.lying import settled_one
 from particlesim.engine.step.moments import first_met, leaving, lying_for, reached, stretch, time_of_impact
 from particlesim.engine.step.particle_step import BentRecord, Newtonian, advance, restart
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
-from particlesim.engine.step.rebounds import is_soft, lain_alone, settled_alone
+from particlesim.engine.step.rebounds import balanced_alone, is_soft, kept_by, lain_alone, settled_alone
 from particlesim.engine.step.resting import NOISE
 from particlesim.integrators.base import CompositionRecord, VerletRecord
 from particlesim.laws.registry import PASS, gap_and_normal, moved_to
@@ -223,6 +223,17 @@ def _on_time(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: 
     return q, after, outcome, hit, exhausted, legal, _struck(ends, alone or lies), ends, alone and not lies
 
 
+def elastic(colliders: Any) -> Any:
+    """Whether impacts on all of some colliders keep the energy: they are at rest, smooth, and throw back all."""
+    for c in colliders:
+        r = c.response
+        if isinstance(c.shape, MovingRecord) or any(
+            each is not None for each in (r.friction, r.falling, r.belt)
+        ):
+            return False
+    return all(tuple((c.response.bounce >= 2) & (c.response.loss <= 0) for c in colliders))
+
+
 def without_rebounds(contacts: Careful) -> Careful:
     """The same contacts, where nothing rebounds."""
     return Careful(
@@ -244,7 +255,7 @@ def _under_turning(
     """As `_on_time`, of a symplectic method under forces that change along the way: on the parabola of its step, so that an
     impact divides only the motion against it, and with what forces would give by the impact taken back (`rebounds`). Swings
     along the surface, divided at each impact, would grow, as those in steps that change do."""
-    begun, lay, known = p, False, () if leaps(method) else None
+    begun, lay, known = p, False, kept_by(method)
     if not leaps(method):
         # A method of higher order keeps that in short steps, where little is gained.
         free, _ = step_of(method, dynamics, forces, p, h, memory)
@@ -253,6 +264,8 @@ def _under_turning(
         )
         struck = _struck(ends, alone)
         if struck != BOUNCED or is_soft(forces, free, q, h):
+            if struck == BOUNCED and outcome == PASS and known is not None and elastic(contacts.continuous):
+                q = balanced_alone(forces, free, q, h, known)
             return q, after, outcome, hit, exhausted, legal, struck
     else:
         if lags(method):

@@ -42,12 +42,25 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined
+from particlesim.engine.step.lateness import leaps
 from particlesim.engine.step.particle_step import BentRecord
 from particlesim.engine.step.resting import NOISE, at_place, dot
+from particlesim.integrators.base import CompositionRecord
 from particlesim.laws.registry import force
 
 LEAPFROG = 1 / 12, 1 / 4, 1 / 24
 """α, −½ β/α and γ α/β of leapfrogs."""
+
+
+def kept_by(method: Any) -> Any:
+    """α and γ α/β of a method, those of h² V″ and its square that are added to the latter; None where they are not known."""
+    if leaps(method):
+        return LEAPFROG[0], LEAPFROG[2]
+    if isinstance(method, CompositionRecord) and method.keeps is not None:
+        return (0.0, *(-c for c in method.keeps))
+    return None
+
+
 SHORT = 10.0
 """Impacts that are nearer to the end of a step than this part of it (1 over it) count as if they were that far from it."""
 STIFFEST = 4.0
@@ -94,7 +107,7 @@ def slowed_along(
         firm = max(stiff, 0.0)
         unsure = UNKNOWN * firm**3
         if len(forces) > 3:
-            gain += _beyond_energy(d, change, forces, series, h)
+            gain += _beyond_energy(d, change, forces, series, stiff, h)
             behind, ahead = forces[3:]
             apart = dot(tuple(x - y for x, y in zip(ahead, behind, strict=True)), d)
             b += series[0] * (stiff * dot(change, d) - h * apart) / length
@@ -121,7 +134,7 @@ def slowed_along(
     return tuple(b - g for b, g in zip(ends, told, strict=True)), lack > 0
 
 
-def _beyond_energy(d: Any, change: Any, forces: Any, series: Any, h: Any) -> Any:
+def _beyond_energy(d: Any, change: Any, forces: Any, series: Any, stiff: Any, h: Any) -> Any:
     """What a displacement d and a change of the velocity give to what a method keeps beside the energy, over mass."""
     free, hit, between, behind, ahead = forces
     both = tuple(x + y - m - m for x, y, m in zip(behind, ahead, between, strict=True))
@@ -131,7 +144,10 @@ def _beyond_energy(d: Any, change: Any, forces: Any, series: Any, h: Any) -> Any
     fast = min(h * h * dot(change, change), SHORT * SHORT * dot(d, d))
     part = fast / dot(d, d) if dot(d, d) > 0 else 0.0
     given = dot(both, d) + h * dot(apart, change) + part * dot(bend, d)
-    return series[1] * h * h * dot(both, differ) - series[0] * given
+    most = series[1]
+    if len(series) > 2:
+        most += stiff * (series[2] + stiff * series[3])
+    return most * h * h * dot(both, differ) - series[0] * given
 
 
 def _looks(forces: Any, free: Any, hit: Any, h: Any, known: Any) -> Any:
@@ -156,8 +172,10 @@ def settled_alone(forces: Any, way: BentRecord, free: Any, hit: Any, h: Any, kno
     speed that forces have given it by impacts; it would have ended at `free` without them. And whether that was too little.
     All velocities are those of their places."""
     d, _, looks = _looks(forces, free, hit, h, known)
-    v, w, series = (free.vx, free.vy, free.vz), (hit.vx, hit.vy, hit.vz), (LEAPFROG[0], LEAPFROG[2])
-    ends, lacks = slowed_along(d, v, w, way.turn, way.late, looks, (0.0, 0.0), series, h)
+    v, w = (free.vx, free.vy, free.vz), (hit.vx, hit.vy, hit.vz)
+    ends, lacks = slowed_along(
+        d, v, w, way.turn, way.late, looks, (0.0, 0.0), known if known is not None else (0.0, 0.0), h
+    )
     return at_place(hit, (hit.x, hit.y, hit.z), ends), lacks
 
 
@@ -170,10 +188,26 @@ def lain_alone(forces: Any, free: Any, hit: Any, h: Any, known: Any) -> Any:
     mean = tuple((a + 4 * b + c) / 6 for a, b, c in zip(f, m, g, strict=True))
     gain = (square - dot(v, v)) / 2 - dot(mean, d)
     if known is not None:
-        gain += _beyond_energy(d, change, looks, (LEAPFROG[0], LEAPFROG[2]), h)
+        along = dot(d, d)
+        steep = dot(tuple(a - b for a, b in zip(f, g, strict=True)), d)
+        stiff = min(max(h * h * steep / along, -STIFFEST), STIFFEST) if along > 0 else 0.0
+        gain += _beyond_energy(d, change, looks, known, stiff, h)
     lacks = 2 * gain > square + NOISE * dot(v, v)
     k = np.sqrt(max(square - 2 * gain, 0.0) / square) if (gain > 0) & (square > 0) else 1.0
     return at_place(hit, (hit.x, hit.y, hit.z), tuple(k * each for each in w)), lacks
+
+
+@outlined
+def balanced_alone(forces: Any, free: Any, hit: Any, h: Any, known: Any) -> Any:
+    """The end `hit` of a step that elastic impacts have divided, with a velocity along their direction by which the method
+    keeps what it keeps; it would have ended at `free` without them."""
+    d, _, looks = _looks(forces, free, hit, h, known)
+    v, w = (free.vx, free.vy, free.vz), (hit.vx, hit.vy, hit.vz)
+    square = dot(d, d)
+    part = 0.5 * (dot(w, w) - dot(v, v)) / square if square > 0 else 0.0
+    turn, none = tuple(part * axis for axis in d), tuple(axis - axis for axis in d)
+    ends, _ = slowed_along(d, v, w, turn, none, looks, (0.0, 0.0), known, h)
+    return at_place(hit, (hit.x, hit.y, hit.z), ends)
 
 
 @outlined
