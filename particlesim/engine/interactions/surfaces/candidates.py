@@ -20,6 +20,7 @@ from particlesim.engine.interactions.neighbours.refresh import Crew, Where, buil
 from particlesim.engine.interactions.surfaces.closest import Four
 from particlesim.engine.interactions.surfaces.record import (
     AGE,
+    ANEW,
     BUILDS,
     COURSE,
     CROWDED,
@@ -242,8 +243,10 @@ def find(each: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         report[AGE] += 1
         tune[WAY] += tune[COURSE]
         measure(each.simplices, each.found, (c.x, c.y, c.z), before, report, tune)
+        report[ANEW] = report[STALE]
     meet(share.gate, share.threads)
-    if report[STALE] != 0:
+    # not STALE: the first thread may be further on, and have changed that, before another has looked
+    if report[ANEW] != 0:
         find_anew(each, c, before, Crew(share.number, share.threads, share.gate), t, h)
 
 

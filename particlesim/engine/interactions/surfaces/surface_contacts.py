@@ -22,6 +22,7 @@ from particlesim.engine.interactions.lifting import book, lifted
 from particlesim.engine.interactions.neighbours.record import OVERFLOW, enlarged
 from particlesim.engine.interactions.surfaces.candidates import find, find_again, measure
 from particlesim.engine.interactions.surfaces.record import (
+    ANEW,
     CONTACTS,
     CROWDED,
     DRIFT,
@@ -292,7 +293,7 @@ def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
     count = site.whole.count
     radius = site.whole.radius[:count].astype(float)
     used = np.unique(np.concatenate([triangles.ravel(), edges.ravel()]))
-    report, tune = np.zeros(8, np.int64), np.zeros(DRIFT + 3)
+    report, tune = np.zeros(ANEW + 1, np.int64), np.zeros(DRIFT + 3)
     report[STALE] = 1
     thin = 2 * radius[used].min() if used.size else 1.0
     tune[THIN], tune[REACH] = thin, reach_of(site.place, triangles, edges, thin)
