@@ -48,6 +48,8 @@ def test_the_scenarios_of_the_gallery_are_here() -> None:
         *("spinning_top", "wrecking_ball"),
         *("argon_melt", "flock", "salt_crystal", "structure_formation", "solar_system", "figure_eight"),
         *("chain_of_rings", "dice", "sand_and_boxes", "afloat", "crate_on_a_rope"),
+        *("bullet_and_paper", "marble_run", "sand_pile", "hourglass", "rotating_drum", "brazil_nut"),
+        *("gas_in_a_box", "pool_break", "newtons_cradle_by_contact", "rain_on_hills", "sparks"),
     }
 
 
@@ -81,7 +83,7 @@ FEWER = {
 ONE_OF_EACH_KIND = (
     *("fountain", "sparks", "rain_on_hills", "conveyor", "solar_system", "pendulum_chain"),
     *("hanging_cloth", "stiff_cloth", "flag", "bridge_collapse", "cloth_over_sphere", "crate_on_a_rope"),
-    *("galaxies", "argon_melt", "structure_formation", "sand_pile", "pool_break"),
+    *("galaxies", "argon_melt", "structure_formation", "pool_break"),
 )
 """Of all ways to step; the others take as long, nearly all of it for compiling."""
 
@@ -110,6 +112,20 @@ def start_of(scenario: ps.Scenario, group: str) -> tuple[NDArray[Any], NDArray[A
     assert isinstance(layout, Points)
     position, velocity = np.array(layout.position), np.array(layout.velocity)
     return position, np.broadcast_to(velocity, position.shape)
+
+
+QUICK = (
+    *("slope", "conveyor", "bullet_and_paper", "pool_break"),
+    *("spinning_top", "tumbling_box", "chain_of_rings"),
+)
+"""Some of all kinds; the others take four minutes together. Those of springs and sand are in tests of their own."""
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in NAMES]
+)
+def test_the_checks_of_a_scenario_hold(name: str) -> None:
+    assert [check.message for check in run(name).checks if not check.passed] == []
 
 
 def test_projectile_lands_at_its_range() -> None:
