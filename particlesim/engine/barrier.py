@@ -21,6 +21,9 @@ SHORT, LONG = 100, 5_000
 """Looks at the generation before a thread lets others run: some microseconds where there are more threads than cores, and
 else some tenths of a millisecond, more than most serial parts of a step last."""
 
+UNEVEN = False
+"""For tests, in a process and a cache of their own: threads leave barriers one after another, as on busy machines."""
+
 
 def new_gate() -> NDArray[np.int64]:
     """The counters of a barrier, and how many cores there are."""
@@ -37,6 +40,8 @@ def meet(gate: Any, threads: Any) -> None:
         if atomic_add(gate, ARRIVALS, 1) == threads - 1:
             atomic_add(gate, ARRIVALS, -threads)
             atomic_add(gate, GENERATION, 1)
+            if UNEVEN and generation % 2 == 1:
+                let_others_run()
         else:
             patience = LONG if threads <= gate[CORES] else SHORT
             looks = 0
@@ -45,3 +50,5 @@ def meet(gate: Any, threads: Any) -> None:
                 pause()
                 if looks > patience:
                     let_others_run()
+            if UNEVEN and generation % 2 == 0:
+                let_others_run()
