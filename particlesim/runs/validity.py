@@ -112,6 +112,9 @@ def misplaced(world: World) -> tuple[str, ...]:
                 f"body {number} of {name!r} does not fit into {where} in its orientation: contact moves it from one side "
                 "to the other in every step"
             )
+        looked: set[tuple[str, int]] = (
+            set()
+        )  # no room is told of a particle once, however many colliders it is in
         for overlap in overlaps(island, structure):
             state = overlap.state
             found.append(
@@ -119,6 +122,9 @@ def misplaced(world: World) -> tuple[str, ...]:
                 f"{_called(world, overlap.collider)}, the deepest (id {state.id[overlap.deepest]}) by {overlap.depth:.3g} "
                 "m: the first step puts them on its surface, which changes their energy"
             )
+            if (state.name, overlap.deepest) in looked:
+                continue
+            looked.add((state.name, overlap.deepest))
             held = structure.colliders[island.states.index(state)]
             if (walls := no_room(overlap, [each for each in held if each.contact == "bounce"])) is not None:
                 one, other = (_called(world, each) for each in walls)

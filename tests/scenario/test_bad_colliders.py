@@ -290,6 +290,33 @@ def test_walls_that_leave_no_room_are_refused(colliders: Any, planes: Any, messa
         ps.from_table(scenario)
 
 
+def test_what_fits_but_for_rounding_is_taken() -> None:
+    at = (0.1, 0.2, 0.3)
+    for wall in (
+        {"type": "sphere", "radius": 0.05},
+        {"type": "box", "size": [0.1, 0.1, 0.1]},
+        {
+            "type": "cylinder",
+            "start": [at[0], at[1] - 0.05, at[2]],
+            "end": [at[0], at[1] + 0.05, at[2]],
+            "radius": 0.05,
+        },
+    ):
+        place = {} if wall["type"] == "cylinder" else {"center": at}
+        ps.from_table(_held({"colliders": [wall | place | {"inside": True}]}))
+    for k in range(40):
+        low = 0.05 * k
+        faces = [{"point": [0, low, 0]}, {"point": [0, low + 0.1, 0], "normal": [0, -1, 0]}]
+        ps.from_table(_held({"planes": faces}))
+
+
+def test_walls_do_not_matter_to_what_never_moves() -> None:
+    faces = [{"point": [0, 0.5, 0]}, {"point": [0, 0.1, 0], "normal": [0, -1, 0]}]
+    for pinned in (True, [0]):
+        grain = [points((0, 0.3, 0), name="grain", radius=0.05, pinned=pinned)]
+        ps.from_table(table(1, 0.01, particles=grain, planes=faces, colliders=[{**SHELL, "radius": 0.01}]))
+
+
 def test_the_walls_that_leave_no_room_are_told_and_no_others() -> None:
     others = [{"type": "sphere", "radius": 0.1, "center": [k, 0, 0]} for k in range(3)]
     with pytest.raises(ps.ScenarioError, match=NOWHERE) as caught:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from particlesim.bodies import Bodies
 from particlesim.colliders import Collider, Plane
+from particlesim.colliders.combination import Combination
 from particlesim.colliders.content import files_in
 from particlesim.colliders.emptiness import Depth, surely_forbidden
 from particlesim.colliders.solid import SolidCollider
-from particlesim.groups.group import Particles
+from particlesim.groups.group import Group, Particles
 from particlesim.laws.registry import sure_gap
 from particlesim.model.arrays import Floats
 from particlesim.model.mistakes import Invalid, Path
@@ -25,7 +27,9 @@ ON = "on = [...] names the groups that a wall holds back"
 """What helps where walls hold what they need not."""
 FACING = 1e-12
 """How far n·m of two planes that face each other is from −1, at most."""
-FEW, MANY = 2_000, 20_000
+BEYOND = 0.1
+"""Margin of the box about a solid, in parts of its size: facets are inside of what is round."""
+FEW, MANY = 600, 20_000
 """Boxes that are looked at for a place between walls; the second number for two of them whose gap takes no search, and less
 for more: half a second."""
 
@@ -39,23 +43,40 @@ def room(scenario: Tables) -> Iterator[Invalid]:
         for other_path, other in planes[:k]:
             if dot(unit(one.normal), unit(other.normal)) > -1 + FACING:
                 continue
-            between = -dot(unit(one.normal), one.point) - dot(unit(other.normal), other.point)
-            shared = [g for g in scenario.groups if held_back(one, (g.name,)) and held_back(other, (g.name,))]
-            if between < 0 and shared:
+            offsets = dot(unit(one.normal), one.point), dot(unit(other.normal), other.point)
+            between, rounded = -sum(offsets), NOWHERE * max(map(abs, offsets))
+            shared = [
+                g
+                for g in scenario.groups
+                if held_back(one, (g.name,)) and held_back(other, (g.name,)) and not _may_be_pinned(g)
+            ]
+            if between < -rounded and shared:
                 yield Invalid(
                     f"these walls overlap by {-between:.3g} m: no position is on the allowed side of both",
                     path,
                     ((other_path, "the other wall"),),
                     hint="normals point to where particles may be",
                 )
-            for group in () if between < 0 or one.soft or other.soft else shared:
-                if (size := group.least_size()) is not None and 2 * size[1] > between:
+            for group in () if between < -rounded or _lets_in(one) or _lets_in(other) else shared:
+                if (size := group.least_size()) is not None and 2 * size[1] * (
+                    1 - NOWHERE
+                ) > between + rounded:
                     yield Invalid(
                         f"these walls are {between:.3g} m apart, and particles of {group.name!r} {2 * size[1]:.3g} m thick",
                         path,
                         ((other_path, "the other wall"),),
-                        hint=ON,
+                        hint=f"a smaller radius, or walls that are farther apart; {ON}",
                     )
+
+
+def _may_be_pinned(group: Group) -> bool:
+    """Whether colliders may have nothing to do with some particles of a group, which never move."""
+    return isinstance(group, Particles) and group.pinned is not False
+
+
+def _lets_in(collider: Collider) -> bool:
+    """Whether balls may be inside of it for some steps, or die there."""
+    return collider.soft or collider.contact == "kill"
 
 
 def common_place(scenario: Tables) -> Iterator[Invalid]:
@@ -69,7 +90,7 @@ def common_place(scenario: Tables) -> Iterator[Invalid]:
     ]
     told: set[tuple[Path, ...]] = set()
     for group in scenario.groups:
-        if isinstance(group, Particles) and group.pinned is True:
+        if _may_be_pinned(group):
             continue
         size = None if isinstance(group, Bodies) else group.least_size()
         walls = [_Wall(path, each) for path, each in still if held_back(each, (group.name,))]
@@ -84,7 +105,14 @@ def common_place(scenario: Tables) -> Iterator[Invalid]:
                     _no_place(len(paths), group.name, radius),
                     paths[-1],
                     tuple((path, "another of the walls") for path in paths[:-1]),
-                    hint=ON if len(paths) > 1 else "a smaller radius, or a larger wall",
+                    hint="; ".join(
+                        each
+                        for each, helps in (
+                            ("a smaller radius, or more room", radius > 0),
+                            (ON, len(paths) > 1),
+                        )
+                        if helps
+                    ),
                 )
             break
 
@@ -110,8 +138,10 @@ class _Wall:
         self._shape = collider.shape()
 
     def depth(self, radius: float) -> Depth:
-        """How deep balls of a radius are in what it forbids. Soft walls let them in, up to their centres at least."""
-        shape, size = self._shape, 0.0 if self.collider.soft else radius
+        """How deep balls of a radius are in what it forbids. Some walls let them in, up to their centres at least, and of
+        what is put together it is not known how far they are in it."""
+        loose = _lets_in(self.collider) or isinstance(self.collider, Combination)
+        shape, size = self._shape, 0.0 if loose else radius
         return lambda p: -float(sure_gap(shape, p._replace(r=size)))
 
 
@@ -132,15 +162,32 @@ def _without_place(walls: list[_Wall], radius: float) -> list[_Wall]:
 
 def _leave_none(walls: list[_Wall], radius: float) -> bool:
     """Whether walls that are not all planes surely leave no place for a ball of a radius."""
-    reach = min((wall.collider.reach() for wall in walls if wall.hollow), default=None)
-    if reach is not None:
-        low, high = (-reach, -reach, -reach), (reach, reach, reach)
+    boxes = [_box_about(wall.collider) for wall in walls if wall.hollow]
+    if boxes:
+        ends = np.max([low for low, _ in boxes], axis=0), np.min([high for _, high in boxes], axis=0)
+        if (ends[0] > ends[1]).any():
+            return True
+        low, high = (tuple(each.tolist()) for each in ends)
     elif (found := _between_planes([wall for wall in walls if wall.plane is not None])) is not None:
         low, high = found
     else:
         return False  # of what has no end, solids leave something
-    most = FEW if any(wall.collider.costly for wall in walls) else max(FEW, 2 * MANY // len(walls))
-    return surely_forbidden([wall.depth(radius) for wall in walls], low, high, most)
+    most = FEW if any(wall.collider.costly for wall in walls) else max(2 * MANY // len(walls), FEW)
+    smaller = radius - NOWHERE * (radius + max(map(abs, (*low, *high))))  # what fits but for rounding fits
+    if radius and not smaller > 0:
+        return False
+    return surely_forbidden([wall.depth(max(smaller, 0.0)) for wall in walls], low, high, most)
+
+
+def _box_about(solid: Any) -> tuple[Floats, Floats]:
+    """The low and the high corner of a box about a solid, and about the facets that it is drawn with."""
+    if isinstance(solid, Combination):
+        boxes = [_box_about(part) for part in solid.of]
+        return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+    corners = solid.triangles().corners
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    margin = BEYOND * float((high - low).max())
+    return low - margin, high + margin
 
 
 def _half_spaces(planes: list[_Wall]) -> tuple[Floats, Floats]:
@@ -173,7 +220,7 @@ def _planes_without_place(planes: list[_Wall], radius: float) -> list[_Wall]:
 
     normals, offsets = _half_spaces(planes)
     scale = max(float(np.abs(offsets).max()), radius) or 1.0
-    size = np.array([0.0 if wall.collider.soft else radius for wall in planes])
+    size = np.array([0.0 if _lets_in(wall.collider) else radius for wall in planes])
     rows = np.hstack([-normals, np.ones((len(planes), 1))])
     bounds = [(None, None)] * 3 + [(None, 1.0)]
     found = linprog([0, 0, 0, -1], A_ub=rows, b_ub=-(offsets + size) / scale, bounds=bounds)
