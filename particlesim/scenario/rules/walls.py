@@ -94,27 +94,21 @@ def common_place(scenario: Tables) -> Iterator[Invalid]:
             continue
         size = None if isinstance(group, Bodies) else group.least_size()
         walls = [_Wall(path, each) for path, each in still if held_back(each, (group.name,))]
-        for radius in (0.0, *(() if size is None else size[1:])):
-            between = _without_place(walls, radius)
-            if not between:
-                continue
-            paths = tuple(wall.path for wall in between)
-            if paths not in told:
-                told.add(paths)
-                yield Invalid(
-                    _no_place(len(paths), group.name, radius),
-                    paths[-1],
-                    tuple((path, "another of the walls") for path in paths[:-1]),
-                    hint="; ".join(
-                        each
-                        for each, helps in (
-                            ("a smaller radius, or more room", radius > 0),
-                            (ON, len(paths) > 1),
-                        )
-                        if helps
-                    ),
-                )
-            break
+        radius = 0.0 if size is None else size[1]
+        between = _without_place(walls, radius)
+        if radius and between and (all_of_it := _without_place(walls, 0.0)):
+            radius, between = 0.0, all_of_it  # there is no place for a point either
+        paths = tuple(wall.path for wall in between)
+        if not paths or paths in told:
+            continue
+        told.add(paths)
+        helps = (("a smaller radius, or more room", radius > 0), (ON, len(paths) > 1))
+        yield Invalid(
+            _no_place(len(paths), group.name, radius),
+            paths[-1],
+            tuple((path, "another of the walls") for path in paths[:-1]),
+            hint="; ".join(text for text, fits in helps if fits),
+        )
 
 
 def _no_place(number: int, group: str, radius: float) -> str:
@@ -176,7 +170,8 @@ def _leave_none(walls: list[_Wall], radius: float) -> bool:
     smaller = radius - NOWHERE * (radius + max(map(abs, (*low, *high))))  # what fits but for rounding fits
     if radius and not smaller > 0:
         return False
-    return surely_forbidden([wall.depth(max(smaller, 0.0)) for wall in walls], low, high, most)
+    quick_first = sorted(walls, key=lambda wall: wall.collider.costly)
+    return surely_forbidden([wall.depth(max(smaller, 0.0)) for wall in quick_first], low, high, most)
 
 
 def _box_about(solid: Any) -> tuple[Floats, Floats]:
