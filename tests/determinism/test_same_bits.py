@@ -165,7 +165,7 @@ def _with_seed(seed: int) -> str:
 @pytest.mark.parametrize(
     "law",
     [
-        {"model": "linear", "stiffness": 2000},
+        pytest.param({"model": "linear", "stiffness": 2000}, marks=pytest.mark.slow),
         pytest.param({"model": "linear", "stiffness": 2000, "rolling_friction": 0.1}, marks=pytest.mark.slow),
         {"model": "hertz", "young_modulus": 1e5, "rolling_friction": 0.1},
     ],

@@ -18,7 +18,13 @@ SHORTER = {"trampoline": {"duration": 2.0}, "hanging_cloth": {"duration": 4.0}}
 """The ball has been down in the mat and is thrown up again; the corners of the cloth are where they stay from 3 s on."""
 
 
-@pytest.mark.parametrize("name", ["rope", "pendulum_chain", "jelly_drop", "trampoline", "hanging_cloth"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("rope", "pendulum_chain", "jelly_drop", "trampoline"),
+        pytest.param("hanging_cloth", marks=pytest.mark.slow),
+    ],
+)
 def test_the_checks_of_a_scenario_hold(name: str) -> None:
     result = run(name, **SHORTER.get(name, {}))
     assert result.checks

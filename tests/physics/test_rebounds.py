@@ -136,7 +136,8 @@ def energies_of_pairs(method: str, ratio: float, restitution: float, duration: f
 @pytest.mark.parametrize(
     ("method", "ratio"),
     [
-        *((each, 0.2) for each in [*LEAPFROGS, "rk4", "rk45", "ias15", "implicit_midpoint"]),
+        *((each, 0.2) for each in [*LEAPFROGS, "rk4", "rk45", "ias15"]),
+        pytest.param("implicit_midpoint", 0.2, marks=pytest.mark.slow),
         ("velocity_verlet", 0.8),
     ],
 )
@@ -177,11 +178,8 @@ def tetrahedra(number: int, ratio: float, h: float) -> tuple[dict[str, Any], flo
         ("yoshida4", 0.4, 2e-3),
         ("rk45", 0.8, 1e-3),
         ("dop853", 0.4, 1e-3),
-        (
-            "implicit_midpoint",
-            0.2,
-            2e-3,
-        ),  # which keeps E + h²/24 H″(y', y'): (ω h)²/24 of that of oscillations
+        # which keeps E + h²/24 H″(y', y'): (ω h)²/24 of that of oscillations
+        pytest.param("implicit_midpoint", 0.2, 2e-3, marks=pytest.mark.slow),
     ],
 )
 def test_bodies_of_elastic_beads_gain_nothing(method: str, ratio: float, gain: float) -> None:
