@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from simulate import points
+from simulate import table as stated
 
 import particlesim as ps
 from particlesim.preflight.advice import advice, sliding
@@ -393,3 +395,18 @@ def test_edges_that_a_cut_makes_sharp_are_not_told() -> None:
         }
     )
     assert not any("too early" in each for each in advice(scenario))
+
+
+@pytest.mark.parametrize(("wide", "told"), [(1.1, True), (1.5, False)])
+def test_balls_that_meet_the_ends_of_parts_of_a_container_are_told(wide: float, told: bool) -> None:
+    # Two boxes whose middles are 0.9 m apart: they overlap by 0.2 and 0.6 m, which is what a ball of 0.3 m needs.
+    halves = [{"type": "box", "center": [x, 0, 0], "size": [wide, 2, 2]} for x in (-0.45, 0.45)]
+    scenario = ps.from_table(
+        stated(
+            1,
+            0.01,
+            particles=[points((-0.5, 0, 0), radius=0.3, mass=1.0)],
+            colliders=[{"type": "union", "inside": True, "of": halves}],
+        )
+    )
+    assert any("too early where its parts meet" in each for each in advice(scenario)) is told
