@@ -241,7 +241,9 @@ def final(simulation: Simulation) -> list[np.ndarray]:
     ] + list(simulation.broke().values())
 
 
-@pytest.mark.parametrize("method", [*METHODS, pytest.param("ias15", marks=pytest.mark.optimised)])
+@pytest.mark.parametrize(
+    "method", [*METHODS, pytest.param("ias15", marks=[pytest.mark.optimised, pytest.mark.slow])]
+)
 def test_threads_and_checkpoints_change_no_bit(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         bond_layout, "LEAST", 64

@@ -136,7 +136,8 @@ def energies_of_pairs(method: str, ratio: float, restitution: float, duration: f
 @pytest.mark.parametrize(
     ("method", "ratio"),
     [
-        *((each, 0.2) for each in [*LEAPFROGS, "rk4", "rk45", "ias15"]),
+        *((each, 0.2) for each in [*LEAPFROGS, "rk4", "rk45"]),
+        pytest.param("ias15", 0.2, marks=pytest.mark.slow),
         pytest.param("implicit_midpoint", 0.2, marks=pytest.mark.slow),
         ("velocity_verlet", 0.8),
     ],

@@ -115,6 +115,7 @@ def test_the_error_that_is_told_is_the_one_that_there_is() -> None:
     tree.close()
 
 
+@pytest.mark.slow
 def test_what_is_told_holds_where_a_few_have_most_of_the_error() -> None:
     """Ten bodies at the rim of a Plummer sphere may have most of the error, and a sample of a thousand none of them."""
     rng = np.random.default_rng(2)
