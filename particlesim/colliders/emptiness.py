@@ -33,9 +33,9 @@ def _gap_of(shape: Any) -> Depth:
     return lambda p: float(gap(shape, p))
 
 
-def _place(x: float, y: float, z: float, radius: float = 0.0) -> Particle:
-    """What laws of shapes see: a ball at rest."""
-    return Particle(x, y, z, 0.0, 0.0, 0.0, 0.0, radius, 0.0, 0.0, 0.0)
+def _place(x: float, y: float, z: float) -> Particle:
+    """What laws of shapes see: a point at rest."""
+    return Particle(x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def surely_forbidden(depths: Sequence[Depth], low: Vector3, high: Vector3, most: int = MOST) -> bool:

@@ -84,18 +84,22 @@ def common_place(scenario: Tables) -> Iterator[Invalid]:
     containers and solids, of those in files the ones that have been read."""
     led = {motion.collider for motion in scenario.motions if motion.collider is not None}
     still = [
-        (path, each)
+        _Wall(path, each)
         for path, each in collider_tables(scenario)
         if (each.name is None or each.name not in led) and all(solid.is_open for _, solid in files_in(each))
     ]
     told: set[tuple[Path, ...]] = set()
+    known: dict[
+        tuple[tuple[Path, ...], float], list[_Wall]
+    ] = {}  # groups often are alike, as those of emitters
     for group in scenario.groups:
         if _may_be_pinned(group):
             continue
         size = None if isinstance(group, Bodies) else group.least_size()
-        walls = [_Wall(path, each) for path, each in still if held_back(each, (group.name,))]
+        walls = [wall for wall in still if held_back(wall.collider, (group.name,))]
         radius = 0.0 if size is None else size[1]
-        between = _without_place(walls, radius)
+        alike = tuple(wall.path for wall in walls), radius
+        between = known[alike] if alike in known else known.setdefault(alike, _without_place(walls, radius))
         if radius and between and (all_of_it := _without_place(walls, 0.0)):
             radius, between = 0.0, all_of_it  # there is no place for a point either
         paths = tuple(wall.path for wall in between)
