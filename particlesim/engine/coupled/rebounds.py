@@ -1,7 +1,7 @@
 """What bounces in a step gives springs no energy: their forces, and what `step.rebounds` makes of them.
 
 Forces are looked at five times: with all particles where they would be without the impacts of the step, where they are with
-these, halfway between, and about a step behind and ahead of there.
+these, halfway between, and about half a step behind and ahead of there.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from particlesim.engine.barrier import meet
 from particlesim.engine.coupled.forces import evaluate
 from particlesim.engine.interactions.interaction import prepare_elements
 from particlesim.engine.state.columns import in_step, span, type_of
-from particlesim.engine.step.rebounds import slowed_along
+from particlesim.engine.step.rebounds import NEAR, slowed_along
 
 FREE, HIT, BETWEEN, BEHIND, AHEAD = range(5)
-"""Where forces are looked at: without impacts, with them, halfway between, and from there about a step back and ahead."""
+"""Where forces are looked at: without impacts, with them, halfway between, and from there half a step back and ahead."""
 WITHOUT, WITH_SERIES = (FREE, HIT, BETWEEN), (FREE, HIT, BETWEEN, BEHIND, AHEAD)
 """Those that methods need of which only the energy is known, and those of which it is known what they keep."""
 
@@ -104,13 +104,13 @@ def halve(c: Any, room: Any, k: Any) -> None:
 
 @outlined
 def lead(room: Any, c: Any, share: Any, t: Any, end: Any, h: Any, where: int) -> None:
-    """Take the particles of a share a step back or ahead, and back home."""
-    begun, aside = type_of(h, room.begun), type_of(h, room.aside)
+    """Take the particles of a share near to where they were a step before or will be after, and back home."""
+    begun, aside, near = type_of(h, room.begun), type_of(h, room.aside), type_of(h, NEAR)
     for axis, (places, speeds) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
         for i in range(share.first, share.last):
             _, hi = span(c.clock, i, t, end, h)
             free, hit = room.around[axis, i], room.around[3 + axis, i]
-            way, fall = hi * (speeds[i] + begun * hi * free), aside * hi * hi * (free + hit)
+            way, fall = near * hi * (speeds[i] + begun * hi * free), aside * (near * hi) ** 2 * (free + hit)
             if where == BEHIND:
                 room.home[axis, i] = places[i]
                 places[i] += fall - way

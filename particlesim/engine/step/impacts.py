@@ -264,8 +264,11 @@ def _under_turning(
         )
         struck = _struck(ends, alone)
         if struck != BOUNCED or is_soft(forces, free, q, h):
-            if struck == BOUNCED and outcome == PASS and known is not None and elastic(contacts.continuous):
-                q = balanced_alone(forces, free, q, h, known)
+            if struck != NOTHING and outcome == PASS and known is not None:
+                if struck == BOUNCED and elastic(contacts.continuous):
+                    q = balanced_alone(forces, free, q, h, known)
+                else:
+                    q, _ = lain_alone(forces, free, q, h, known)
             return q, after, outcome, hit, exhausted, legal, struck
     else:
         if lags(method):
@@ -290,7 +293,7 @@ def _under_turning(
             q, _, outcome, _, exhausted, legal, struck, ends, _ = _on_time(
                 way, Newtonian(), (), dull, begun, h, ()
             )
-            q, lacks = _kept(forces, way, free, q, h, struck, known)
+            q, lacks = lain_alone(forces, free, q, h, known)  # it may have slid, whatever it ends with
             if lacks:
                 zero = h - h
                 q = moved_to(q, begun.x, begun.y, begun.z, zero, zero, zero, q.t)
