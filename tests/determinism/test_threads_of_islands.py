@@ -121,7 +121,7 @@ def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
     ("method", "precision"),
     [
         ("symplectic_euler", "single"),
-        ("stormer_verlet", "double"),
+        pytest.param("stormer_verlet", "double", marks=pytest.mark.slow),
         ("rk45", "double"),
     ],
 )

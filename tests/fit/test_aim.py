@@ -156,7 +156,10 @@ def test_what_cannot_be_aimed(ball, group, target, overrides, words):
     "place",
     [
         "position = [0, 0, 0]\nvelocity = [15, 0, 0]",
-        'layout = { type = "points", position = [[0, 0, 0]], velocity = [[15, 0, 0]] }',
+        pytest.param(
+            'layout = { type = "points", position = [[0, 0, 0]], velocity = [[15, 0, 0]] }',
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["position", "layout"],
 )

@@ -81,7 +81,7 @@ FEWER = {
 
 
 ONE_OF_EACH_KIND = (
-    *("fountain", "rain_on_hills", "conveyor", "solar_system", "pendulum_chain", "stiff_cloth", "flag"),
+    *("fountain", "conveyor", "solar_system", "pendulum_chain", "flag"),
     *("bridge_collapse", "cloth_over_sphere", "argon_melt", "pool_break"),
 )
 """Of all ways to step; the others take as long, nearly all of it for compiling."""

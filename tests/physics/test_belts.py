@@ -74,7 +74,9 @@ def test_a_soft_grain_on_a_belt_ends_rolling_with_two_sevenths_of_its_speed(law:
     assert np.abs(slip[[0, 2]]).max() < 1e-6 * BELT[0]
 
 
-@SOFT
+@pytest.mark.parametrize(
+    "law", [pytest.param(LINEAR, marks=pytest.mark.slow), HERTZ], ids=["linear", "hertz"]
+)
 def test_the_work_of_a_belt_is_booked(law: dict[str, Any]) -> None:
     # What begins within a step, as its contact and its rolling, may be off by the work of a step. It rolls after 0.06 s
     step, output = 2 * STEP, {"ledger": True, "work": True, "every": 50}

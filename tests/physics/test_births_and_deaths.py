@@ -270,7 +270,9 @@ def test_threads_and_checkpoints_change_no_bit(method: str, monkeypatch: pytest.
         each.close()
 
 
-@pytest.mark.parametrize("method", ["velocity_verlet", "rk45", "implicit_midpoint"])
+@pytest.mark.parametrize(
+    "method", ["velocity_verlet", "rk45", pytest.param("implicit_midpoint", marks=pytest.mark.slow)]
+)
 def test_work_balances_what_births_and_deaths_bring_and_take(method: str) -> None:
     def rest(dt: float) -> tuple[float, float]:
         clock = {"duration": 0.05, "dt": dt, "integrator": method}

@@ -89,7 +89,9 @@ def test_oblique_elastic_impacts_keep_momentum_energy_and_angular_momentum(law: 
     )  # equal masses part at a right angle, as contacts take time
 
 
-@pytest.mark.parametrize("law", [LINEAR, HERTZ], ids=["linear", "hertz"])
+@pytest.mark.parametrize(
+    "law", [pytest.param(LINEAR, marks=pytest.mark.slow), HERTZ], ids=["linear", "hertz"]
+)
 def test_the_books_of_a_contact_balance_in_its_middle_too(law: dict[str, Any]) -> None:
     """At the turn all energy relative to the centre, m v²/4, is in the contact; what dampers and friction take is booked."""
     kept = meeting(law, 2e-5, duration=0.02, output={"every": 5, "ledger": True}).ledger

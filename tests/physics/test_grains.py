@@ -408,7 +408,9 @@ def test_a_wall_that_turns_takes_a_grain_along() -> None:
     assert np.abs(surface - wall).max() < 1e-3 * rate * shell
 
 
-@SOFT
+@pytest.mark.parametrize(
+    "law", [pytest.param(LINEAR, marks=pytest.mark.slow), HERTZ], ids=["linear", "hertz"]
+)
 def test_the_energy_stored_at_a_led_wall_is_that_of_where_it_is_now(law: dict[str, Any]) -> None:
     # An elastic wall comes with u: v becomes 2 u - v, and in between the spring of the contact has up to m (u - v)²/2. They
     # meet after 0.03 s for some 0.01 s.

@@ -54,7 +54,9 @@ def depths(x: np.ndarray) -> np.ndarray:
         {},
         {"restitution": 0.5},
         {"friction": 0.5},
-        {"restitution": 0.5, "friction": {"static": 0.6, "kinetic": 0.4}},
+        pytest.param(
+            {"restitution": 0.5, "friction": {"static": 0.6, "kinetic": 0.4}}, marks=pytest.mark.slow
+        ),
     ],
     ids=["smooth", "lively", "rough", "both"],
 )
@@ -181,7 +183,11 @@ def test_a_ball_of_grains_that_turns_keeps_its_angular_momentum_and_gains_no_ene
     assert energy[-1] < 0.95 * energy[0]
 
 
-@pytest.mark.parametrize("many", [False, True], ids=["in their order", "in the order of space"])
+@pytest.mark.parametrize(
+    "many",
+    [pytest.param(False, marks=pytest.mark.slow), True],
+    ids=["in their order", "in the order of space"],
+)
 def test_a_resumed_heap_has_the_same_bits(many: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """What contacts have been given goes with them into checkpoints, and into another order of memory and back."""
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 0)
@@ -360,7 +366,7 @@ def heap_of_radii(seed: int, restitution: float) -> tuple[float, float]:
     return float(np.median(speeds) / (G * DT)), float(np.median(depths))
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("restitution", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_smooth_grains_of_different_radii_come_to_rest(restitution: float) -> None:
     # Hardly more contacts than what they hold: contacts that open and close by turns had kept all at 0.2 g dt, 0.004 r deep.
     # A heap that has not found its places yet still moves: the middle of three counts.

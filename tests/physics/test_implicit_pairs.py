@@ -166,7 +166,13 @@ def in_small_steps(method: str) -> NDArray[np.float64]:
 
 @pytest.mark.optimised
 @pytest.mark.parametrize(
-    ("integrator", "order"), [("implicit_midpoint", 2), ("trapezoidal", 2), ("bdf2", 2), (CONVERGED, 1)]
+    ("integrator", "order"),
+    [
+        ("implicit_midpoint", 2),
+        pytest.param("trapezoidal", 2, marks=pytest.mark.slow),
+        ("bdf2", 2),
+        (CONVERGED, 1),
+    ],
 )
 def test_a_tree_whose_forces_jump_is_solved_to_its_accuracy(integrator: Any, order: int) -> None:
     # Forces are off by δ = 1e-2 of g ≈ 1 in no particular direction: after T = 0.8 s places are by less than δ g T²/2 = 3e-3

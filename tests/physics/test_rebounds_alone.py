@@ -221,14 +221,16 @@ WELLS: dict[str, tuple[str, Callable[..., Any], Callable[..., Any], Callable[...
 @pytest.mark.parametrize(
     ("well", "scene"),
     [
-        ("gaussian", "box"),
         ("gaussian", "ball"),
-        ("quartic", "floor"),
         ("sextic", "floor"),
-        ("sextic", "corner"),
+        pytest.param("gaussian", "box", marks=pytest.mark.slow),
+        pytest.param("quartic", "floor", marks=pytest.mark.slow),
+        pytest.param("sextic", "corner", marks=pytest.mark.slow),
     ],
 )
-@pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
+@pytest.mark.parametrize(
+    "method", [pytest.param("symplectic_euler", marks=pytest.mark.slow), "velocity_verlet"]
+)
 def test_in_wells_far_from_linear_impacts_give_no_more_than_flights_swing(
     method: str, well: str, scene: str
 ) -> None:

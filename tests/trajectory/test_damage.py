@@ -55,7 +55,7 @@ print(*outcomes)
 """
 
 
-@pytest.mark.parametrize("compression", ["gzip", "none"])
+@pytest.mark.parametrize("compression", [pytest.param("gzip", marks=pytest.mark.slow), "none"])
 def test_random_damage_never_hangs(tmp_path, kill_writer, compression):
     """Killed writers' files, cut anywhere and with random bytes; HDF5 alone would wait for ever in some of them."""
     path = kill_writer(tmp_path / "a.vtkhdf", acknowledged=5, compression=compression)
