@@ -129,7 +129,16 @@ def free_part(c: Any, here: Any, p: Any, r: Any, n: Any, m: Any, h: Any, slack: 
                     s = s - 2 * lift / (h * closing)
                     part = begin + half * max(s, one - one)
             begin = half
+        part = min(part, _time_for(p, r, part, h)) if part < 1 else part
     return part
+
+
+def _time_for(p: Any, r: Any, part: Any, h: Any) -> Any:
+    """The part of a step of h from p to r after which a part of its straight way is done: less where it becomes slower."""
+    way = (r.x - p.x, r.y - p.y, r.z - p.z)
+    whole = np.sqrt(dot(way, way))
+    b = h * dot(way, (p.vx, p.vy, p.vz)) / whole
+    return _until(b, whole, part * whole, h) if (b > 0) & (part > 0) else part
 
 
 def _facet(c: Any, p: Any, place: Any, g: Any, n: Any) -> Any:
@@ -331,11 +340,14 @@ def _along(p: Any, q: Any, way: Any, part: Any) -> Any:
 def _part_until(p: Any, r: Any, n: Any, began: Any, gap_left: Any, h: Any) -> Any:
     """The part of an even glide of h from p to r, which has begun with a velocity, after which it has come nearer by a gap,
     against a normal n."""
-    # s b + s² (whole − b) = gap, by the root that does not cancel. A method of first order goes its whole way with the
+    return _until(-h * dot(n, began), -dot(n, (r.x - p.x, r.y - p.y, r.z - p.z)), gap_left, h)
+
+
+def _until(b: Any, whole: Any, way: Any, h: Any) -> Any:
+    """The part of an even glide of h by `whole`, which has begun with a velocity of b in it, after which a way is done."""
+    # s b + s² (whole − b) = way, by the root that does not cancel. A method of first order goes its whole way with the
     # velocity at the end: that one says nothing of shorter steps.
-    b = -h * dot(n, began)
-    whole = -dot(n, (r.x - p.x, r.y - p.y, r.z - p.z))
-    return 2 * gap_left / (b + np.sqrt(max(b * b + 4 * (whole - b) * gap_left, h - h)))
+    return 2 * way / (b + np.sqrt(max(b * b + 4 * (whole - b) * way, h - h)))
 
 
 def _dies_out(facet: Any, n: Any, p: Any, q: Any, h: Any, slack: Any, sure: Any) -> Any:

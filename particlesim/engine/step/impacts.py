@@ -75,6 +75,9 @@ BRIEF = 16
 """Hops that last less than this part of a step (1 over it) count as rest: forces give as much speed in half of that."""
 BOUNCY = 1.8
 """1 + e from which on they do: with less restitution they end soon."""
+DEEP, SOONER = 64, 1 - 2.0**-20
+"""How deep impacts are found at most, in rounding errors; and up to what part of the time at which it ends a glide is taken
+that does not end in an impact."""
 NO_TIME = 2.0**20
 """Impacts that lie no further apart than this part of a step (1 over it) take no time."""
 MOST_PUSHES = 64
@@ -358,7 +361,12 @@ def _follow(
                 p, memory = lain, restart(memory)
                 break
         whole = impacts == MAX_IMPACTS
-        q, after, on, length = stretch(method, dynamics, forces, contacts, p, left, memory, calm, whole)
+        q, after, on, length, stuck = stretch(
+            method, dynamics, forces, contacts, p, left, memory, calm, whole
+        )
+        if stuck:
+            p, memory, exhausted, early = q, restart(memory), not cramped, True
+            break
         late, place = first_met(method, dynamics, forces, contacts, p, q, on, length, memory, calm)
         if not (late < length or ahead(contacts, on, q) < 0):
             p = q
@@ -414,7 +422,14 @@ def _follow(
         stalls = stalls + 1 if low or tau * NO_TIME < h else 0
         impacts += 1
         if exact:
-            q, after, _, _ = glide(method, dynamics, forces, contacts, p, tau, memory, how)
+            q, after, on, _ = glide(method, dynamics, forces, contacts, p, tau, memory, how)
+            if -ahead(contacts, on, q) > type_of(h, DEEP) * rounding_of_step(contacts, p, q, h):
+                # No impact: until now it lay there, and in a longer time it would not. It goes on from where it was then.
+                sooner = tau * type_of(h, SOONER)
+                r, _, on, _ = glide(method, dynamics, forces, contacts, p, sooner, memory, how)
+                if any(on) and ahead(contacts, on, r) >= 0:
+                    p, memory, left, calm = r, restart(memory), left - sooner, LIVELY
+                    continue
         hit = hear(contacts.continuous, q, hit)
         p, outcome = _separate(contacts.continuous, q, p, contacts)
         memory = restart(memory)

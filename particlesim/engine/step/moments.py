@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from particlesim.colliders.dents import dented
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.contacts import ahead, rounding
@@ -106,7 +107,8 @@ def stretch(
     whole: Any,
 ) -> Any:
     """The way of a particle for a time `left` (the `whole`, if asked for) or, where it comes to a stop and will not stay
-    there, or to another part of what it lies on, up to then; its method's memory, on which it lies, and for how long."""
+    there, or to another part of what it lies on, up to then; its method's memory, on which it lies, and for how long; and
+    whether another part is in the whole way, so that it rests where it is."""
     length, shorter = left, 0
     q, after, on, turn = glide(method, dynamics, forces, contacts, p, left, memory, calm)
     if turn < 1 and not whole:
@@ -117,7 +119,19 @@ def stretch(
             length = turn * length if shorter < MAX_SWEEPS else type_of(left, 0.5) * turn * length
             q, after, on, turn = glide(method, dynamics, forces, contacts, p, length, memory, calm)
             shorter += 1
-    return q, after, on, length
+    stuck = whole and turn < 1 and _parts(contacts.continuous, on)
+    if stuck:
+        zero = left - left
+        q = moved_to(q, p.x, p.y, p.z, zero, zero, zero, q.t)
+    return q, after, on, length, stuck
+
+
+def _parts(colliders: Any, on: Any) -> Any:
+    """Whether a particle lies on a shape that may have several parts."""
+    if len(colliders) == 0:
+        return False
+    others = _parts(colliders[1:], on[1:])
+    return others | on[0] if dented(colliders[0].shape) else others
 
 
 @outlined
