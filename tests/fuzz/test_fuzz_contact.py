@@ -58,6 +58,13 @@ def test_what_the_fuzz_has_found_once(seed: int, particles: int, scene: str | No
     assert steps == 20 * len(among)
 
 
+def test_velocities_of_symplectic_euler_are_late_after_too_many_impacts_too() -> None:
+    """Seed 2662: at 51 km/s between two walls it had gained h f/2 in each step, as the next one began half a step later."""
+    _, steps, wrong = broken_rules(2662, 65536, None, [5950], "symplectic_euler")
+    assert wrong == []
+    assert steps == 20
+
+
 def test_what_lies_on_a_bent_wall_for_a_part_of_a_step_does_not_fly_through_it_in_another() -> None:
     """Seed 2634. In a hollow torus, which is there twice, it lies for longer and for shorter times, and would fly 1 m
     through the wall in between; put back from there, a tenth of such ways had gained g times that, 0.18 J/kg."""

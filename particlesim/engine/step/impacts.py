@@ -436,6 +436,7 @@ def _follow(
         left = left - tau
         calm = LIVELY
     if early:  # what moves has gone on meanwhile
+        ends = LYING
         p = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, end)
         p, outcome = _separate(contacts.resting, p, p, contacts)
     if outcome == PASS and nearest(contacts.continuous, p) < -rounding_of_step(contacts, legal, p, h):
