@@ -26,7 +26,8 @@ of ±n h w − ½ (β/α) n² h² (f + f')/m, with n = `NEAR`, give
 and the velocity along d counts as h² V″ says. Of other terms only the size is known: with κ the stiffness along d over mass,
 they may give `UNSURE` (h² κ)⁵ of the energy there, and as much as `BENT` (h² κ)² times the part of the force that is not
 linear; with methods of which only the order is known, `UNKNOWN` (h² κ)³. As κ changes along the way in a step, they may
-give `SWAY` times the last part of the first term, times the part that is not linear over h Δ. Impacts give that away.
+give `SWAY` times the last part of the first term, times the part that is not linear over h Δ; and `SWING` |F| |d| times that
+over h w, without what of F is linear, for what goes as far in a step as forces reach. Impacts give that away.
 
 A fast particle may end so far from where forces pull that the velocity along d does not pay for it: that across gives the
 rest, and one that steps alone does not rebound in this step.
@@ -66,12 +67,13 @@ SHORT = 10.0
 """Impacts that are nearer to the end of a step than this part of it (1 over it) count as if they were that far from it."""
 STIFFEST = 4.0
 """(h ω)² at the limit of stability of leapfrogs."""
-UNSURE, BENT, SWAY, UNKNOWN = 0.1, 1.0, 0.1, 0.35
+UNSURE, BENT, SWAY, SWING, UNKNOWN = 0.1, 1.0, 0.1, 0.1, 0.35
 """Of tetrahedra of elastic beads none gains energy then, but for its own swing, with ω h up to 1.2, or up to 0.8 with
 methods of which it is not known what they keep. In wells that are far from linear, of 256 particles in each of 80 scenes
-none gains a hundredth more than what flies swings there, in 3000 steps with ω h up to 0.5; without `SWAY` one a quarter."""
+none gains a hundredth more than what flies swings there, in 3000 steps with ω h up to 0.5; without the two in the middle one
+a quarter, and fast ones in a bowl beside the well as much as they had."""
 COMPOSED = 3.0
-"""By how much more of the two in the middle methods of higher order give away, whose steps are made of longer ones."""
+"""By how much more of the three in the middle methods of higher order give away, whose steps are made of longer ones."""
 NEAR = 0.5
 """How far from halfway forces are looked at, of a step. At 1, α V″ lacks three times as much; nearer, rounding counts."""
 SOFT = 0.2
@@ -89,9 +91,9 @@ def slowed_along(
     displacement d, and whether that was too little; all in double precision.
 
     On the parabola the velocity changes by `turn` in a unit of time, and lacks `lateness`. `forces`, over mass: without
-    impacts, with them, halfway, and half a step behind and ahead of there; the first three where `series` (α and γ α/β
-    above) is 0. `ages`: by what parts of a step velocities are older than places at its end, and where one begins after
-    contact.
+    impacts, with them, halfway, and half a step behind and ahead of there, and maybe in the middle of these two; the first
+    three where `series` (α and γ α/β above) is 0. `ages`: by what parts of a step velocities are older than places at its
+    end, and where one begins after contact.
     """
     free, hit, between = forces[:3]
     old, begun = h * ages[0], h * ages[1]
@@ -116,9 +118,9 @@ def slowed_along(
         unsure = UNKNOWN * firm**3
         if len(forces) > 3:
             gain += _beyond_energy(d, change, forces, series, stiff, h)
-            behind, ahead = forces[3:]
-            apart = dot(_change_of(ahead, behind), d)
-            b += series[0] * (stiff * dot(change, d) - h * apart) / length
+            behind, ahead = forces[3:5]
+            apart = _change_of(ahead, behind)
+            b += series[0] * (stiff * dot(change, d) - h * dot(apart, d)) / length
             heavy += 2 * series[0] * stiff
             bent, part = abs(dot(bend, d)), _part_of_step(change, d, h)
             warp = bent / abs(steep) if bent < abs(steep) else 1.0
@@ -126,6 +128,10 @@ def slowed_along(
             unsure = UNSURE * firm**5 + rough * BENT * warp * stiff * stiff
             much, whole = part * dot(bend, bend), dot(differ, differ)
             gain += rough * SWAY * part * bent * (np.sqrt(much / whole) if much < whole else 1.0)
+            if len(forces) > 5:
+                both = _near(_bend(behind, forces[5], ahead))
+                much, whole = dot(both, both), dot(apart, apart)
+                gain += rough * SWING * length * (much / np.sqrt(whole) if much < whole else np.sqrt(much))
         gain += 0.5 * unsure * b * b
         gain = max(gain, -MOST * b * b)
         # ½ heavy s² + b s + gain = 0
@@ -147,8 +153,8 @@ def slowed_along(
 
 def _beyond_energy(d: Any, change: Any, forces: Any, series: Any, stiff: Any, h: Any) -> Any:
     """What a displacement d and a change of the velocity give to what a method keeps beside the energy, over mass."""
-    free, hit, between, behind, ahead = forces
-    both = tuple(each / (NEAR * NEAR) for each in _bend(behind, between, ahead))
+    free, hit, between, behind, ahead = forces[:5]
+    both = _near(_bend(behind, between, ahead))
     differ = tuple(g - f for f, g in zip(free, hit, strict=True))
     given = dot(both, d) + h * dot(_change_of(ahead, behind), change)
     given += _part_of_step(change, d, h) * dot(_bend(free, between, hit), d)
@@ -161,6 +167,11 @@ def _beyond_energy(d: Any, change: Any, forces: Any, series: Any, stiff: Any, h:
 def _bend(f: Any, between: Any, g: Any) -> Any:
     """By how much forces at both ends of a line together differ from twice that in the middle."""
     return tuple(a - m - m + b for a, m, b in zip(f, between, g, strict=True))
+
+
+def _near(bend: Any) -> Any:
+    """What such a bend would be a whole step away."""
+    return tuple(each / (NEAR * NEAR) for each in bend)
 
 
 def _change_of(ahead: Any, behind: Any) -> Any:
@@ -188,7 +199,7 @@ def _looks(forces: Any, free: Any, hit: Any, h: Any, known: Any) -> Any:
     fall = tuple(LEAPFROG[1] * near * near * (a + b) for a, b in zip(f, g, strict=True))
     behind = _acceleration(forces, _led(half, tuple(s - near * u for s, u in zip(fall, mean, strict=True))))
     ahead = _acceleration(forces, _led(half, tuple(s + near * u for s, u in zip(fall, mean, strict=True))))
-    return d, change, (f, g, m, behind, ahead)
+    return d, change, (f, g, m, behind, ahead, _acceleration(forces, _led(half, fall)))
 
 
 @outlined
