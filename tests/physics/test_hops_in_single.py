@@ -77,8 +77,9 @@ OPEN: dict[str, dict[str, Any]] = {
         "center": list(CENTER),
     },
 }
+MARKS = {"formula": pytest.mark.optimised, "height_field": pytest.mark.slow}
 CASES = [
-    pytest.param(name, inside, marks=pytest.mark.optimised if name == "formula" else ())
+    pytest.param(name, inside, marks=MARKS.get(name, ()))
     for name, inside in [(name, False) for name in OPEN | SOLIDS]
     + [(name, True) for name in SOLIDS if name != "distance_grid"]
 ]

@@ -289,8 +289,13 @@ SHAPES = {
 }
 
 
-@pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize("speed", [1.0, 1e4])
+@pytest.mark.parametrize(
+    ("name", "speed"),
+    [
+        *((name, 1.0) for name in SHAPES),
+        *(pytest.param(name, 1e4, marks=[pytest.mark.slow] * (name in ("bowl", "vase"))) for name in SHAPES),
+    ],
+)
 def test_nothing_gets_through(name: str, speed: float) -> None:
     collider = SHAPES[name].model_copy(update={"restitution": 0.6})
     rng = np.random.default_rng(8)

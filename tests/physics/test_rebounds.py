@@ -177,8 +177,8 @@ def tetrahedra(number: int, ratio: float, h: float) -> tuple[dict[str, Any], flo
         *((method, 1.2, 2e-3) for method in LEAPFROGS[:2]),
         ("yoshida4", 0.2, 1e-3),
         ("yoshida4", 0.4, 2e-3),
-        ("rk45", 0.8, 1e-3),
-        ("dop853", 0.4, 1e-3),
+        pytest.param("rk45", 0.8, 1e-3, marks=pytest.mark.slow),
+        pytest.param("dop853", 0.4, 1e-3, marks=pytest.mark.slow),
         # which keeps E + h²/24 H″(y', y'): (ω h)²/24 of that of oscillations
         pytest.param("implicit_midpoint", 0.2, 2e-3, marks=pytest.mark.slow),
     ],
