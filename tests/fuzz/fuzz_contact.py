@@ -90,9 +90,11 @@ def room(rng: np.random.Generator, rubs: bool) -> Scene:
 
 
 def sheets(rng: np.random.Generator, rubs: bool) -> Scene:
-    """A room from −1 to 1 with walls that have two sides: rectangles or discs that reach beyond each other, or a mesh."""
+    """A room from −1 to 1 with walls that have two sides: rectangles or discs that reach beyond each other, rectangles that
+    meet edge to edge, or a mesh."""
     kind = rng.choice(["rectangle", "disc", "mesh"])
     half = float(rng.choice([1e-4, 0.01])) if kind != "mesh" else 0.01
+    side = 2.2 if rng.spawn(1)[0].random() < 0.5 else 2 + 2 * half
     walls: list[Collider] = []
     if kind == "mesh":
         cube = MeshCollider(path="cube.obj", scale=2 + 2 * half, thickness=2 * half, **surface(rng, rubs))
@@ -103,7 +105,7 @@ def sheets(rng: np.random.Generator, rubs: bool) -> Scene:
             walls.append(DiscCollider(normal=n, radius=1.6, **given))
         else:
             turn = {"axis": [0, 0, 1] if n[0] else [1, 0, 0], "angle": 0 if n[1] else 90}
-            walls.append(RectangleCollider(size=[2.2, 2.2], orientation=turn, **given))
+            walls.append(RectangleCollider(size=[side, side], orientation=turn, **given))
     bounds = tuple(PlaneCollider(normal=n, point=[-x for x in n]) for n in AXES)
     return Scene(walls, False, 1.0, True, bounds=bounds)
 

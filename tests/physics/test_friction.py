@@ -308,7 +308,7 @@ def test_what_makes_no_sense_is_refused(plane: dict[str, Any], said: str) -> Non
 def test_what_slides_into_a_crease_of_thin_sheets_stays_on_their_side() -> None:
     # It slides along one sheet into another. Its free step ends 2 mm behind sheets of 0.2 mm, where gaps are positive again:
     # it may not lie on one of them and pass the other.
-    sheet = {"type": "rectangle", "size": [2.2, 2.2], "thickness": 2e-4, "friction": 0.2}
+    sheet = {"type": "rectangle", "size": [2.2, 2.2], "thickness": 2e-4, "friction": 0.2, "restitution": 0.0}
     final = simulate(
         0.09,
         0.03,

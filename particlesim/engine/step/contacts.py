@@ -125,6 +125,14 @@ def inside(colliders: Any, on: Any, p: Any, alone: bool = False) -> Any:
     return ((gap(colliders[0], p) < 0) & (not on[0])) | others
 
 
+def touches(colliders: Any, on: Any, p: Any, slack: Any) -> Any:
+    """Whether a particle touches a collider on which it does not lie."""
+    if len(colliders) == 0:
+        return False
+    others = touches(colliders[1:], on[1:], p, slack)
+    return others or (not on[0] and gap(colliders[0], p) <= slack)
+
+
 def nowhere(colliders: Any) -> Any:
     """That the particle lies on none of some colliders."""
     return tuple(False for _ in colliders)

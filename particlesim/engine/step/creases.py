@@ -15,10 +15,10 @@ import numpy as np
 
 from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.plane import PlaneRecord
-from particlesim.colliders.response import ColliderRecord
+from particlesim.colliders.response import ColliderRecord, crossable
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
-from particlesim.engine.step.resting import at_place, cross, dot, held, same_face, touched, unlifted
+from particlesim.engine.step.resting import Touch, at_place, cross, dot, held, same_face, touched, unlifted
 from particlesim.laws.registry import PASS, first_contact, gap, gap_and_normal, thinnest
 
 LIFT = 8
@@ -47,7 +47,7 @@ def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     if isinstance(c.shape, MovingRecord) or isinstance(d.shape, MovingRecord):
         return q, one, False
     zero = one - one
-    one_touch, other = touched(c, p, q), touched(d, p, q)
+    one_touch, other = _touched_in(c, d, p, q, tolerance), _touched_in(d, c, p, q, tolerance)
     deep, low = one_touch.depth, other.depth
     n, m = _full(one_touch.normal, zero), _full(other.normal, zero)
     velocity = (q.vx, q.vy, q.vz)
@@ -94,6 +94,22 @@ def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
     )
     presses = (j >= 0) & (k >= 0) & (spread > tolerance)
     return r, part if turns else one, presses & same_face(c, one_touch) & same_face(d, other)
+
+
+def _touched_in(c: Any, d: Any, p: Any, q: Any, tolerance: Any) -> Any:
+    """How a step from p to q touches a collider, in the crease with another one: where it would lead around an edge from
+    there, as the edge of a thin sheet, the other one keeps it from that."""
+    touch = touched(c, p, q)
+    if not crossable(c) or dot(touch.up, touch.normal) > type_of(q.x, 1) - tolerance:
+        return touch
+    other = touched(d, p, q)
+    place = tuple(
+        x if axis is None else x - other.depth * axis
+        for x, axis in zip((q.x, q.y, q.z), other.normal, strict=True)
+    )
+    touch = touched(c, p, at_place(q, place, (q.vx, q.vy, q.vz)))
+    back = _full(other.normal, touch.depth - touch.depth)
+    return Touch(touch.start, touch.up, touch.depth + other.depth * dot(touch.normal, back), touch.normal)
 
 
 def _full(n: Any, zero: Any) -> Any:

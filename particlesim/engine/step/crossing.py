@@ -17,6 +17,9 @@ from particlesim.laws.registry import apart, first_contact, gap, moved_to
 EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
 """The rounding error of 1 in each precision."""
 
+EVEN = 2.0**-20
+"""The part of a velocity that a change of it may be off an even one."""
+
 
 def all_apart(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any, alone: bool = False) -> Any:
     """Whether a step of h from p to q is sure to cross no collider but those on which the particle lies; `alone` as in
@@ -81,6 +84,14 @@ def straight(p: Any, q: Any, h: Any) -> Any:
     return moved_to(p, p.x, p.y, p.z, k * (q.x - p.x), k * (q.y - p.y), k * (q.z - p.z), p.t)
 
 
+def _even(p: Any, q: Any, h: Any) -> Any:
+    """Whether a step of h from p to q is a parabola: its velocity changes evenly, as along what is flat."""
+    two = type_of(h, 2) / h
+    x, y, z = (two * (b - a) for a, b in zip((p.x, p.y, p.z), (q.x, q.y, q.z), strict=True))
+    off = abs(x - p.vx - q.vx) + abs(y - p.vy - q.vy) + abs(z - p.vz - q.vz)
+    return off <= type_of(h, EVEN) * (abs(x) + abs(y) + abs(z))
+
+
 # What discrete detection does not see
 
 
@@ -129,7 +140,7 @@ def crossing(contacts: Any, on: Any, p: Any, q: Any, h: Any) -> Any:
     if not any(crossable(c) for c in contacts.continuous):
         return h, q
     chord = straight(p, q, h)
-    if not any(on):
+    if not any(on) or _even(p, q, h):
         chord = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, p.t)
     s, place = first_crossing(contacts.continuous, on, chord, q, h, farther(contacts, p, q))
     return h * s, place

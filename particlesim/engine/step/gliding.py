@@ -8,7 +8,7 @@ from particlesim.colliders.dents import dented
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.at_rest import rough, runs
-from particlesim.engine.step.contacts import loose, nowhere, rounding_of_step, sunk
+from particlesim.engine.step.contacts import loose, nowhere, rounding_of_step, sunk, touches
 from particlesim.engine.step.creases import no_faster, wedged
 from particlesim.engine.step.lying import borne, settled_one
 from particlesim.engine.step.particle_step import advance, restart
@@ -37,6 +37,11 @@ def glide(
     if calm > LIVELY:
         slack, sure = rounding_of_step(contacts, p, q, h), calm == SURE
         r, on, turn = settled_one(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
+        if any(on) and turn >= 1 and touches(contacts.continuous, on, p, slack):
+            # Beside the edge of one that it touches it may only be without the others, which keep it from there.
+            for _ in contacts.continuous:
+                r, more, _ = settled_one(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
+                on = tuple(one | other for one, other in zip(on, more, strict=True))
         # The way along a shape with dents may end at another part of it: what is behind that does not matter.
         blocked = any(dented(c.shape) for c in contacts.continuous) & (turn < 1)
         wedge = rough(contacts.continuous) & (sum(on) > 1)
@@ -70,10 +75,10 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
     turn, found = type_of(h, 1), False
     for k, c in enumerate(contacts.continuous):
         if on[k] & (not found):
-            _, lain, bend = _on_one(c, p, q, h, contacts.tolerance, slack)
+            here, lain, bend = _on_one(c, p, q, h, contacts.tolerance, slack)
             # As in `glide`: what is behind another part of a shape with dents does not matter.
             blocked = dented(c.shape) & (bend < 1)
-            if blocked or not _sunk(contacts.continuous, on, p, lain, slack):
+            if here and (blocked or not _sunk(contacts.continuous, on, p, lain, slack)):
                 r, turn, found = lain, bend, True
     for k, c in enumerate(contacts.continuous):
         for j, d in enumerate(contacts.continuous[:k]):

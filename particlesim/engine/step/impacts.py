@@ -56,7 +56,17 @@ from particlesim.engine.step.lateness import (
     taken_off,
 )
 from particlesim.engine.step.lying import settled_one
-from particlesim.engine.step.moments import first_met, leaving, lying_for, reached, stretch, time_of_impact
+from particlesim.engine.step.moments import (
+    AT_ONCE,
+    NO_TIME,
+    first_met,
+    leaving,
+    lying_for,
+    reached,
+    stretch,
+    time_of_impact,
+    until_met,
+)
 from particlesim.engine.step.particle_step import BentRecord, Newtonian, advance, restart
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
 from particlesim.engine.step.rebounds import balanced_alone, is_soft, kept_by, lain_alone, settled_alone
@@ -78,8 +88,6 @@ BOUNCY = 1.8
 DEEP, SOONER = 64, 1 - 2.0**-20
 """How deep impacts are found at most, in rounding errors; and up to what part of the time at which it ends a glide is taken
 that does not end in an impact."""
-NO_TIME = 2.0**20
-"""Impacts that lie no further apart than this part of a step (1 over it) take no time."""
 MOST_PUSHES = 64
 """Passes over the colliders of a corner that put a particle out of it: each leaves cos² of the angle between two parts."""
 
@@ -226,6 +234,11 @@ def _on_time(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: 
     return q, after, outcome, hit, exhausted, legal, _struck(ends, alone or lies), ends, alone and not lies
 
 
+def _change(p: Any, q: Any) -> Any:
+    """The change of the velocity from p to q."""
+    return q.vx - p.vx, q.vy - p.vy, q.vz - p.vz
+
+
 def elastic(colliders: Any) -> Any:
     """Whether impacts on all of some colliders keep the energy: they are at rest, smooth, and throw back all."""
     for c in colliders:
@@ -276,8 +289,7 @@ def _under_turning(
     else:
         if lags(method):
             begun = on_time(method, forces, p, h, memory)
-            ahead_of = begun.vx - p.vx, begun.vy - p.vy, begun.vz - p.vz
-            late, lay = along_contacts(contacts, p, ahead_of, False)
+            late, lay = along_contacts(contacts, p, _change(p, begun), False)
             begun = hastened(p, late) if isinstance(method, CompositionRecord) else begun
         leapfrog = centred(method, h, False) if lags(method) else method
         free, _ = step_of(leapfrog, dynamics, forces, begun, h, ())
@@ -302,8 +314,7 @@ def _under_turning(
                 q = moved_to(q, begun.x, begun.y, begun.z, zero, zero, zero, q.t)
     if isinstance(method, CompositionRecord) and lags(method) and outcome == PASS:
         # as the next step begins
-        end = delayed(method, forces, q, h)
-        back, _ = along_contacts(contacts, q, (q.vx - end.vx, q.vy - end.vy, q.vz - end.vz), False)
+        back, _ = along_contacts(contacts, q, _change(delayed(method, forces, q, h), q), False)
         q = hastened(q, (-back[0], -back[1], -back[2]))
     return q, restart(memory), outcome, hit, exhausted, legal, struck
 
@@ -380,31 +391,42 @@ def _follow(
             continue
         if may_hold(contacts.continuous):
             parts = with_part(parts, contacts.continuous, q)
+        exhausted, rests = impacts == MAX_IMPACTS and not cramped, stalls == MAX_STALLS and calm == SURE
+        done = impacts == MAX_IMPACTS or rests
+        # It may lie for a shorter time: at the end of this one it would be beside an edge, not behind what it lies on.
+        if calm == SURE and not done and (not any(on) or late * AT_ONCE < length):
+            flies = not any(on)
+            tau, r, lain = lying_for(method, dynamics, forces, contacts, p, length, memory)
+            leaves = tau * NO_TIME < h
+            if leaves and flies:
+                # For so short a time rounding errors may press.
+                free, s = leaving(method, dynamics, forces, contacts, p, length, memory)
+                leaves = free > 0
+                tau, r = (free, s) if leaves else (tau, r)
+            if tau > 0:
+                q, on, length = r, lain, tau
+                late, place = first_met(method, dynamics, forces, contacts, p, q, on, length, memory, calm)
+                if leaves or not (late < length or ahead(contacts, on, q) < 0):
+                    # What it comes to now, it may hit.
+                    p, memory, left, impacts = q, restart(memory), left - length, impacts + 1
+                    calm, stalls = LIVELY if leaves else CALM, 0
+                    continue
         # What flies to the end has flown all the way, though it might lie for a shorter time.
         how, exact = calm if any(on) else LIVELY, True
         if late < length:
             q, exact = reached(method, dynamics, forces, contacts, p, late, place, memory, how)
-        rests = stalls == MAX_STALLS and calm == SURE
-        if impacts == MAX_IMPACTS or rests:
-            exhausted = not (cramped or rests)
+            if not exact and not done and any(on):
+                # Along what it lies on it may come there later than it would at an even speed.
+                before, r = until_met(method, dynamics, forces, contacts, p, late, h, memory, how)
+                if before > 0:
+                    p, memory, left, impacts = r, restart(memory), left - before, impacts + 1
+                    calm = CALM
+                    continue
+        if done:
             p, outcome = _separate(contacts.resting, q, p, contacts)
             memory = restart(memory)
             early = outcome == PASS
             break
-        if calm == SURE and not any(on):
-            tau, r = lying_for(method, dynamics, forces, contacts, p, length, memory)
-            leaves = tau * NO_TIME < h
-            if leaves:
-                # For so short a time rounding errors may press.
-                free, q = leaving(method, dynamics, forces, contacts, p, length, memory)
-                leaves = free > 0
-                tau, r = (free, q) if leaves else (tau, r)
-            if tau > 0:
-                p, memory = r, restart(memory)
-                left = left - tau
-                impacts += 1
-                calm, stalls = (LIVELY, 0) if leaves else (calm, stalls)
-                continue
         if stalls == MAX_STALLS:
             # From now on it lies where it touches.
             calm, stalls = SURE, 0

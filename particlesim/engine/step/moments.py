@@ -7,13 +7,17 @@ from typing import Any
 from particlesim.colliders.dents import dented
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
-from particlesim.engine.step.contacts import ahead, rounding
+from particlesim.engine.step.contacts import ahead, nowhere, rounding, touches
 from particlesim.engine.step.crossing import crossing, turned_away
 from particlesim.engine.step.gliding import LIVELY, MAX_SWEEPS, SURE, glide
 from particlesim.laws.registry import moved_to
 
 SAME = 1 - 1e-6
 """The part of a step at the end of which a particle turns around counts as the whole step beyond this."""
+NO_TIME = 2.0**20
+"""Impacts that lie no further apart than this part of a step (1 over it) take no time."""
+AT_ONCE = 2.0**10
+"""What is met before this part of a way (1 over it) has been touched all the time."""
 MAX_LEAVES = 40
 """The shortest part of a step, as a power of two, after which it is looked whether a particle has left a surface."""
 MAX_HALVINGS = 80
@@ -158,21 +162,40 @@ def first_met(
 
 
 @outlined
+def until_met(
+    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, late: Any, h: Any, memory: Any, calm: Any
+) -> Any:
+    """A time up to `late`, of h, until which a particle glides and meets nothing, and the particle then; 0 if none is found,
+    or no more than what it meets at once."""
+    before, r, part = late - late, p, late
+    for _ in range(MAX_SWEEPS):
+        q, _, on, turn = glide(method, dynamics, forces, contacts, p, part, memory, calm)
+        sooner, _ = first_met(method, dynamics, forces, contacts, p, q, on, part, memory, calm)
+        if any(on) and turn >= 1 and sooner >= part and ahead(contacts, on, q) >= 0:
+            at_once = AT_ONCE if touches(contacts.continuous, on, p, rounding(contacts, p)) else NO_TIME
+            before, r = (part, q) if part * at_once > h else (before, r)
+            break
+        part = min(sooner, part) if sooner > 0 else part
+    return before, r
+
+
+@outlined
 def lying_for(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
     """How long a particle lies that touches, is pressed on, and leaves before the end of a time h, as one that slides over
-    an edge; and the particle then. The longest of h/2, h/4 ... that ends on the surface without meeting anything, 0 if
-    none."""
+    an edge; the particle then; and on what it lies. The longest of h/2, h/4 ... that ends on the surface, or comes to
+    something that it does not touch now; 0 if none."""
     half = type_of(h, 0.5)
-    part, found, r = h, h - h, p
+    part, found, r, lain = h, h - h, p, nowhere(contacts.continuous)
     for _ in range(MAX_HALVINGS):
         part = part * half
         q, _, on, turn = glide(method, dynamics, forces, contacts, p, part, memory, SURE)
-        if any(on) and turn >= 1 and ahead(contacts, on, q) >= 0:
+        if any(on) and turn >= 1:
             late, _ = crossing(contacts, on, p, q, part)
-            if late >= part:
-                found, r = part, q
+            meets = late * AT_ONCE >= part if late < part else ahead(contacts, on, p) > rounding(contacts, p)
+            if meets or (late >= part and ahead(contacts, on, q) >= 0):
+                found, r, lain = part, q, on
                 break
-    return found, r
+    return found, r, lain
 
 
 @outlined

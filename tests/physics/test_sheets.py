@@ -1,0 +1,128 @@
+"""Thin sheets that meet edge to edge: in their creases and corners particles move as between planes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from simulate import points, way
+
+H, STEPS = 0.02, 80
+G = (-3.0, -9.0, 2.0)
+PLACES = np.random.default_rng(5).uniform(-0.2, 0.2, (12, 3))
+TURNED = {"axis": [2.0, -1.0, 3.0], "angle": 40.0}
+
+
+def turn(v: Any) -> NDArray[np.float64]:
+    """Vectors turned as `TURNED` says, by Rodrigues' formula."""
+    axis = np.array(TURNED["axis"]) / np.linalg.norm(TURNED["axis"])
+    angle = math.radians(float(TURNED["angle"]))  # type: ignore[arg-type]
+    v = np.asarray(v, float)
+    along = (v @ axis)[..., None] * axis
+    return along + math.cos(angle) * (v - along) + math.sin(angle) * np.cross(axis, v)
+
+
+def walls(thickness: float, **response: Any) -> list[dict[str, Any]]:
+    """Three sheets of 1 m that meet edge to edge: normal to x and y below, to z above; turned all together."""
+    made = []
+    for center, axis, angle in (
+        ((-0.5, 0, 0), (0, 0, 1), -90.0),
+        ((0, -0.5, 0), (0, 0, 1), 0.0),
+        ((0, 0, 0.5), (1, 0, 0), 90.0),
+    ):
+        # first turned in place, then with the others: two turns are one, by the product of quaternions
+        first = _quaternion(axis, angle)
+        whole = _product(_quaternion(TURNED["axis"], TURNED["angle"]), first)
+        size = np.linalg.norm(whole[1:])
+        turned = {
+            "axis": (whole[1:] / size).tolist(),
+            "angle": math.degrees(2 * math.atan2(size, whole[0])),
+        }
+        made.append(
+            {
+                "type": "rectangle",
+                "center": turn(center).tolist(),
+                "size": [1, 1],
+                "thickness": thickness,
+                "orientation": turned,
+                **response,
+            }
+        )
+    return made
+
+
+def _quaternion(axis: Any, angle: Any) -> NDArray[np.float64]:
+    n, half = np.asarray(axis, float), math.radians(angle) / 2
+    return np.array([math.cos(half), *(math.sin(half) * n / np.linalg.norm(n))])
+
+
+def _product(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.array([p[0] * q[0] - p[1:] @ q[1:], *(p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:]))])
+
+
+def bounced(x: float, g: float, wall: float, e: float, t: float) -> tuple[float, float]:
+    """Place and velocity of what falls from rest at x with g onto a wall, and rebounds with e: parabolas, until they end
+    after the time of Zeno, t₁ (1 + 2 e/(1 − e))."""
+    fall = math.sqrt(2 * (wall - x) / g)
+    if t < fall:
+        return x + 0.5 * g * t * t, g * t
+    t, speed = t - fall, g * fall * e
+    while abs(speed) > 1e-12 and t >= 2 * speed / g:
+        t, speed = t - 2 * speed / g, speed * e
+    if abs(speed) <= 1e-12:
+        return wall, 0.0
+    return wall - speed * t + 0.5 * g * t * t, g * t - speed
+
+
+def moved(thickness: float, radius: float, method: str, **response: Any) -> tuple[NDArray[np.float64], ...]:
+    """All places and velocities along the sheets' axes, shapes [times, n, 3]."""
+    x, v = way(
+        1,
+        STEPS * H,
+        H,
+        method,
+        particles=[points(*turn(PLACES), velocity=(0 * PLACES).tolist(), radius=radius)],
+        forces=[{"type": "gravity", "acceleration": turn(G).tolist()}],
+        colliders=walls(thickness, **response),
+    )
+    axes = turn(np.eye(3))
+    return x @ axes.T, v @ axes.T
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("radius", [0.0, 0.01])
+@pytest.mark.parametrize("thickness", [1e-5, 1e-2])
+def test_coordinates_bounce_each_by_itself_between_sheets(
+    thickness: float, radius: float, restitution: float
+) -> None:
+    """A step at rest leads points far behind sheets, and beside their edges. Without friction all coordinates are
+    independent, and a uniform force is exact at any step."""
+    x, v = moved(thickness, radius, "velocity_verlet", restitution=restitution, friction=0.0)
+    wall = 0.5 - thickness / 2 - radius
+    walls = (-wall, -wall, wall)
+    for i in range(len(PLACES)):
+        for k in range(3):
+            place, speed = bounced(PLACES[i, k], G[k], walls[k], restitution, STEPS * H)
+            # Hops shorter than a step are rest; they rise by g h²/8, and their speed is up to g h/2.
+            rest = restitution > 0 and abs(speed) <= abs(G[k]) * H / 2
+            assert x[-1, i, k] == pytest.approx(place, abs=abs(G[k]) * H * H if rest else 1e-9)
+            assert v[-1, i, k] == pytest.approx(speed, abs=abs(G[k]) * H if rest else 1e-8)
+
+
+@pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler"])
+def test_friction_acts_along_a_crease_of_sheets(method: str) -> None:
+    """Both sheets press, with g_x and g_y: along the crease a = g_z − μ (|g_x| + |g_y|), until the third one."""
+    mu = 0.1
+    x, v = moved(1e-4, 0.0, method, restitution=0.0, friction=mu)
+    wall = 0.5 - 1e-4 / 2
+    a = G[2] - mu * (abs(G[0]) + abs(G[1]))
+    lies = (np.abs(x[:-1, :, 0] + wall) < 1e-12) & (np.abs(x[:-1, :, 1] + wall) < 1e-12)
+    slides = lies & (x[:-1, :, 2] < wall - 0.03) & (np.abs(v[1:, :, 2]) > 1e-9)
+    gained = (v[1:, :, 2] - v[:-1, :, 2])[slides[:, :]]
+    assert slides.sum() > 50
+    assert gained == pytest.approx(a * H, abs=1e-12)
+    assert np.all((x <= wall + 1e-12) | (np.arange(3) < 2))
+    assert np.all(x[..., :2] >= -wall - 1e-12)
