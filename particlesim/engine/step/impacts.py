@@ -196,7 +196,7 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
             method, dynamics, forces, contacts, p, h, memory
         )
     else:
-        q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
+        q, after, outcome, hit, exhausted, legal, ends, alone, _ = _follow(
             method, dynamics, forces, contacts, p, h, memory, CALM
         )
         struck = _struck(ends, alone)
@@ -220,10 +220,19 @@ def _on_time(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: 
     # On what is elastic hops that are shorter than the step would not end.
     elastic = [here & (c.response.bounce >= 2) for here, c in zip(on, contacts.continuous, strict=True)]
     calm = SURE if any(elastic) else CALM
-    q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
+    q, after, outcome, hit, exhausted, legal, ends, alone, hits = _follow(
         centred(method, h, lies), dynamics, forces, contacts, begun, h, restart(memory), calm
     )
-    if alone and not lies:
+    if hits and lies and isinstance(method, CompositionRecord):
+        # What it hits turns velocities of their places around, also along what it lies on.
+        late, _ = along_contacts(contacts, p, _change(p, on_time(method, forces, p, h, memory)), False)
+        q, after, outcome, hit, exhausted, legal, ends, alone, _ = _follow(
+            centred(method, h, False), dynamics, forces, contacts, hastened(p, late), h, restart(memory), calm
+        )
+        if ends != ENDED:
+            back, _ = along_contacts(contacts, q, _change(delayed(method, forces, q, h), q), False)
+            q = hastened(q, (-back[0], -back[1], -back[2]))
+    elif alone and not lies:
         q, after = advance(method, dynamics, forces, p, h, memory)  # the same bits as without a look
     elif ends != ENDED:
         late = delayed(method, forces, q, h)
@@ -275,7 +284,7 @@ def _under_turning(
     if not leaps(method):
         # A method of higher order keeps that in short steps, where little is gained.
         free, _ = step_of(method, dynamics, forces, p, h, memory)
-        q, after, outcome, hit, exhausted, legal, ends, alone = _follow(
+        q, after, outcome, hit, exhausted, legal, ends, alone, _ = _follow(
             method, dynamics, forces, contacts, p, h, memory, CALM
         )
         struck = _struck(ends, alone)
@@ -337,10 +346,10 @@ def _follow(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
 ) -> Any:
     """The way of a particle with continuous colliders: what `trace` tells, a place out of all of these, how it ends the
-    step, and whether it has met nothing."""
+    step, whether it has met nothing, and whether it has hit something."""
     left, half = h, type_of(h, 0.5)
     end = p.t + h
-    ends, alone, impacts = ENDED, False, 0
+    ends, alone, hits, impacts = ENDED, False, False, 0
     hit = silence(contacts.continuous + contacts.discrete, p)
     outcome = PASS
     legal = p
@@ -452,7 +461,7 @@ def _follow(
                 if any(on) and ahead(contacts, on, r) >= 0:
                     p, memory, left, calm = r, restart(memory), left - sooner, LIVELY
                     continue
-        hit = hear(contacts.continuous, q, hit)
+        hit, hits = hear(contacts.continuous, q, hit), True
         p, outcome = _separate(contacts.continuous, q, p, contacts)
         memory = restart(memory)
         left = left - tau
@@ -463,4 +472,4 @@ def _follow(
         p, outcome = _separate(contacts.resting, p, p, contacts)
     if outcome == PASS and nearest(contacts.continuous, p) < -rounding_of_step(contacts, legal, p, h):
         p, outcome = _separate(contacts.resting, p, legal, contacts)  # what friction moved in a corner
-    return p, memory, outcome, hit, exhausted, legal, ends, alone
+    return p, memory, outcome, hit, exhausted, legal, ends, alone, hits
