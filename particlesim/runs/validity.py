@@ -18,7 +18,7 @@ from particlesim.engine.diagnosis.overlaps import Caught, caught, no_room, overl
 from particlesim.engine.islands.base import Intrusion
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import double_advised, remedy
-from particlesim.engine.step.impacts import MAX_IMPACTS
+from particlesim.engine.step.following import MAX_IMPACTS
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.groups.group import Particles

@@ -23,7 +23,7 @@ from particlesim.colliders.response import ColliderRecord, ResponseRecord
 from particlesim.engine.independent.kernel import new_room, step_range
 from particlesim.engine.step.at_rest import keeps_still, rest, stay
 from particlesim.engine.step.contacts import Careful, Simple
-from particlesim.engine.step.impacts import MAX_STALLS
+from particlesim.engine.step.following import MAX_STALLS
 from particlesim.engine.step.moments import MAX_HALVINGS
 from particlesim.engine.step.program import BLOCK
 from particlesim.forces import Gravity

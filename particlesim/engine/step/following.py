@@ -1,0 +1,261 @@
+"""The way of one particle within a step, from impact to impact, on what it lies on in between."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import outlined
+from particlesim.engine.state.columns import chosen, type_of
+from particlesim.engine.step.contacts import (
+    ahead,
+    coarse,
+    meet,
+    nearest,
+    rounding,
+    rounding_of_step,
+    shallow,
+)
+from particlesim.engine.step.gliding import CALM, LIVELY, SURE, glide, step_of
+from particlesim.engine.step.hits import hear, silence
+from particlesim.engine.step.moments import (
+    AT_ONCE,
+    NO_TIME,
+    first_met,
+    leaving,
+    lying_for,
+    reached,
+    stretch,
+    time_of_impact,
+    until_met,
+)
+from particlesim.engine.step.particle_step import restart
+from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
+from particlesim.laws.registry import PASS, moved_to
+
+MAX_IMPACTS = 1024
+"""Impacts followed within one step; a particle with more is counted, and finishes the step without rebound. A bound on the
+work: a fast particle in a narrow place may have hundreds, and bounces that die out (Zeno) end by `MAX_STALLS`."""
+MAX_STALLS = 2
+"""Impacts in a row that take no time, or lie no further apart than rounding, before a particle counts as resting."""
+BRIEF = 16
+"""Hops that last less than this part of a step (1 over it) count as rest: forces give as much speed in half of that."""
+BOUNCY = 1.8
+"""1 + e from which on they do: with less restitution they end soon."""
+DEEP, SOONER = 64, 1 - 2.0**-20
+"""How deep impacts are found at most, in rounding errors; and up to what part of the time at which it ends a glide is taken
+that does not end in an impact."""
+MOST_PUSHES = 64
+"""Passes over the colliders of a corner that put a particle out of it: each leaves cos² of the angle between two parts."""
+
+FLYING, LYING, ENDED = 0, 1, 2
+"""How a particle ends its step: in flight, on a collider, or otherwise, as where it stuck."""
+
+
+@outlined
+def separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
+    """Push a particle out of all colliders; one that stays caught in a corner goes back to the legal place, unless that is
+    deeper in a collider that has moved there."""
+    slack = -rounding(contacts, p)
+    q, outcome = meet(colliders, p)
+    if coarse(contacts.tolerance) and nearest(colliders, p) >= -shallow(contacts, p):
+        q = moved_to(q, p.x, p.y, p.z, q.vx, q.vy, q.vz, q.t)  # to lift it by rounding errors is a gain
+    left, sweeps = nearest(colliders, q), 1
+    while left < slack and sweeps < MOST_PUSHES:
+        q, more = meet(colliders, q)
+        outcome = max(outcome, more)
+        left = nearest(colliders, q)
+        sweeps += 1
+    if left < slack:
+        back = moved_to(q, legal.x, legal.y, legal.z, q.vx, q.vy, q.vz, q.t)
+        q = chosen(nearest(colliders, back) >= left, back, q)
+    return q, outcome
+
+
+@outlined
+def follow(
+    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
+) -> Any:
+    """The way of a particle with continuous colliders: what `trace` tells, a place out of all of these, how it ends the
+    step, whether it has met nothing, and whether it has hit something."""
+    left = h
+    end = p.t + h
+    ends, alone, hits, impacts = ENDED, False, False, 0
+    hit = silence(contacts.continuous + contacts.discrete, p)
+    outcome = PASS
+    legal = p
+    exhausted = False
+    stalls = 0
+    early = False
+    begun = p
+    p, outcome = separate(contacts.continuous, p, p, contacts)
+    put_out = (p.x != begun.x) | (p.y != begun.y) | (p.z != begun.z)
+    put_out |= (p.vx != begun.vx) | (p.vy != begun.vy) | (p.vz != begun.vz)
+    cramped = nearest(contacts.continuous, p) < -rounding(contacts, p)
+    if cramped:
+        impacts = MAX_IMPACTS  # it finds no room, and would bounce as often as it may
+    legal = p
+    q, _ = step_of(method, dynamics, forces, p, h, memory)
+    push = (q.vx - p.vx, q.vy - p.vy, q.vz - p.vz)
+    bouncy = sum([c.response.bounce > BOUNCY for c in contacts.continuous]) > 0
+    force = np.sqrt(push[0] * push[0] + push[1] * push[1] + push[2] * push[2]) / h
+    if may_hold(contacts.continuous):
+        parts = no_parts(h)
+    while outcome == PASS:
+        if may_hold(contacts.continuous):
+            parts = with_part(parts, contacts.continuous, p)
+            holds, lain = _in_pit(contacts, parts, p, legal, push, h, end)
+            if holds:
+                p, memory = lain, restart(memory)
+                break
+        whole = impacts == MAX_IMPACTS
+        q, after, on, length, stuck = stretch(
+            method, dynamics, forces, contacts, p, left, memory, calm, whole
+        )
+        if stuck:
+            p, memory, exhausted, early = q, restart(memory), not cramped, True
+            break
+        late, place = first_met(method, dynamics, forces, contacts, p, q, on, length, memory, calm)
+        if not (late < length or ahead(contacts, on, q) < 0):
+            p = q
+            if length == left:
+                memory, ends = after, LYING if any(on) else FLYING
+                alone = ends == FLYING and impacts == 0 and not put_out
+                break
+            memory = restart(memory)
+            left = left - length
+            impacts += 1
+            continue
+        if may_hold(contacts.continuous):
+            parts = with_part(parts, contacts.continuous, q)
+        exhausted, rests = impacts == MAX_IMPACTS and not cramped, stalls == MAX_STALLS and calm == SURE
+        done = impacts == MAX_IMPACTS or rests
+        # It may lie for a shorter time: at the end of this one it would be beside an edge, not behind what it lies on.
+        if calm == SURE and not done and (not any(on) or late * AT_ONCE < length):
+            shorter, r, lain, leaves = _lain(
+                method, dynamics, forces, contacts, p, length, memory, h, not any(on)
+            )
+            if shorter > 0:
+                q, on, length = r, lain, shorter
+                late, place = first_met(method, dynamics, forces, contacts, p, q, on, length, memory, calm)
+                if leaves or not (late < length or ahead(contacts, on, q) < 0):
+                    # What it comes to now, it may hit.
+                    p, memory, left, impacts = q, restart(memory), left - length, impacts + 1
+                    calm, stalls = LIVELY if leaves else CALM, 0
+                    continue
+        # What flies to the end has flown all the way, though it might lie for a shorter time.
+        how, exact = calm if any(on) else LIVELY, True
+        if late < length:
+            q, exact = reached(method, dynamics, forces, contacts, p, late, place, memory, how)
+            if not exact and not done and any(on):
+                # Along what it lies on it may come there later than it would at an even speed.
+                before, r = until_met(method, dynamics, forces, contacts, p, late, h, memory, how)
+                if before > 0:
+                    p, memory, left, impacts = r, restart(memory), left - before, impacts + 1
+                    calm = CALM
+                    continue
+        if done:
+            p, outcome = separate(contacts.resting, q, p, contacts)
+            memory = restart(memory)
+            early = outcome == PASS
+            break
+        if stalls == MAX_STALLS:
+            # From now on it lies where it touches.
+            calm, stalls = SURE, 0
+            continue
+        tau, q, dies_out, lay = _impact(
+            method, dynamics, forces, contacts, p, q, late, memory, h, how, exact, force, bouncy
+        )
+        impacts += 1
+        stalls = stalls + 1 if dies_out else 0
+        if lay:
+            # It goes on from where it was until then.
+            p, memory, left, calm = q, restart(memory), left - tau, LIVELY
+            continue
+        hit, hits = hear(contacts.continuous, q, hit), True
+        p, outcome = separate(contacts.continuous, q, p, contacts)
+        memory = restart(memory)
+        left = left - tau
+        calm = LIVELY
+    if early:  # what moves has gone on meanwhile
+        ends = LYING
+        p = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, end)
+        p, outcome = separate(contacts.resting, p, p, contacts)
+    if outcome == PASS and nearest(contacts.continuous, p) < -rounding_of_step(contacts, legal, p, h):
+        p, outcome = separate(contacts.resting, p, legal, contacts)  # what friction moved in a corner
+    return p, memory, outcome, hit, exhausted, legal, ends, alone, hits
+
+
+@outlined
+def _in_pit(contacts: Any, parts: Any, p: Any, legal: Any, push: Any, h: Any, end: Any) -> Any:
+    """Whether a particle lies in a pit of a shape with dents, and stays there until a time `end`; and the particle then."""
+    slack, zero = rounding(contacts, p), h - h
+    rubs = any(c.response.friction is not None for c in contacts.continuous)
+    holds, x, y, z = bottom(parts, p, legal, push, h, slack, rubs)
+    lain = moved_to(p, x, y, z, zero, zero, zero, end)
+    return holds and nearest(contacts.continuous, lain) >= -slack, lain
+
+
+@outlined
+def _lain(
+    method: Any,
+    dynamics: Any,
+    forces: Any,
+    contacts: Any,
+    p: Any,
+    length: Any,
+    memory: Any,
+    h: Any,
+    flies: Any,
+) -> Any:
+    """How long a particle lies that does not until the end of a time `length`, where it `flies`; the particle then; on what
+    it lies; and whether it takes off instead."""
+    tau, q, on = lying_for(method, dynamics, forces, contacts, p, length, memory)
+    leaves = tau * NO_TIME < h
+    if leaves and flies:
+        # For so short a time rounding errors may press.
+        free, r = leaving(method, dynamics, forces, contacts, p, length, memory)
+        leaves = free > 0
+        tau, q = (free, r) if leaves else (tau, q)
+    return tau, q, on, leaves
+
+
+@outlined
+def _impact(
+    method: Any,
+    dynamics: Any,
+    forces: Any,
+    contacts: Any,
+    p: Any,
+    q: Any,
+    late: Any,
+    memory: Any,
+    h: Any,
+    how: Any,
+    exact: Any,
+    force: Any,
+    bouncy: Any,
+) -> Any:
+    """The time of the impact of a particle that is in a collider at q at the time `late`; the particle then; whether such
+    hops die out; and whether it is no impact, as the particle has lain there until then."""
+    tau, half, lay = late, type_of(h, 0.5), False
+    if exact:
+        tau = time_of_impact(method, dynamics, forces, contacts, p, late, memory, how)
+    # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
+    top, _, on, _ = glide(method, dynamics, forces, contacts, p, half * tau, memory, how)
+    height = ahead(contacts, on, top)
+    low = height <= rounding(contacts, p)
+    # So are brief hops, twice as high as by forces at most: those on what is elastic have no end.
+    brief = (type_of(h, BRIEF) * tau < h) & (height <= type_of(h, 0.25) * force * tau * tau)
+    low |= brief & bouncy
+    dies_out = low or tau * NO_TIME < h
+    if exact:
+        q, _, on, _ = glide(method, dynamics, forces, contacts, p, tau, memory, how)
+        if -ahead(contacts, on, q) > type_of(h, DEEP) * rounding_of_step(contacts, p, q, h):
+            # Until now it lay there, and in a longer time it would not.
+            sooner = tau * type_of(h, SOONER)
+            r, _, on, _ = glide(method, dynamics, forces, contacts, p, sooner, memory, how)
+            lay = any(on) and ahead(contacts, on, r) >= 0
+            tau, q = (sooner, r) if lay else (tau, q)
+    return tau, q, dies_out, lay
