@@ -50,6 +50,8 @@ def test_nothing_is_inside_of_a_box_that_moves() -> None:
         pytest.param(62000028, 65536, None, [34717], id="seam of sheets"),
         # slides along the crease of a thin mesh that ends at a third wall, and slows down by friction
         pytest.param(2615, 65536, None, [48509, 48973, 50755], id="wall at the end of a crease"),
+        # stops in a curved crease, 38 nm higher than its energy reaches
+        pytest.param(7171, 65536, None, [7084], id="stop in a curved crease"),
     ],
 )
 def test_what_the_fuzz_has_found_once(seed: int, particles: int, scene: str | None, among: list[int]) -> None:

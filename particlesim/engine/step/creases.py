@@ -18,6 +18,7 @@ from particlesim.colliders.plane import PlaneRecord
 from particlesim.colliders.response import ColliderRecord, crossable
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
+from particlesim.engine.step.contacts import nearest
 from particlesim.engine.step.resting import Touch, at_place, cross, dot, held, same_face, touched, unlifted
 from particlesim.laws.registry import PASS, first_contact, gap, gap_and_normal, thinnest
 
@@ -329,15 +330,28 @@ def _around_bend(c: Any, r: Any, n: Any, m: Any, slack: Any) -> Any:
     return r, n, m
 
 
-def no_faster(p: Any, q: Any, r: Any, h: Any, tolerance: Any) -> Any:
-    """The end r of a step that would be free to q, no faster than the work of all forces allows: where a shape turns away
-    under the way, its parts taken as planes may lift what glides on them."""
+def no_faster(colliders: Any, p: Any, q: Any, r: Any, h: Any, tolerance: Any, slack: Any) -> Any:
+    """The end r of a step along some colliders that would be free to q, no faster than the work of all forces allows, and
+    no higher than its energy reaches: where a shape turns away under the way, its parts taken as planes may lift what
+    glides on them."""
     over = _gained(p, r, q, h) - max(_gained(p, q, q, h), h - h)
     had = dot((r.vx, r.vy, r.vz), (r.vx, r.vy, r.vz))
     left = had - (over + over)
     slower = over > 8 * tolerance * had
     kept = np.sqrt(left / had) if slower & (left > 0) else h - h
-    return chosen(slower, at_place(r, (r.x, r.y, r.z), (kept * r.vx, kept * r.vy, kept * r.vz)), r)
+    slowed = chosen(slower, at_place(r, (r.x, r.y, r.z), (kept * r.vx, kept * r.vy, kept * r.vz)), r)
+    if slower & (left < 0):
+        # It stops where its energy ends, if that is on the way, or where it began.
+        energy = dot((p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz))
+        way, stop = (r.x - p.x, r.y - p.y, r.z - p.z), (h - h, h - h, h - h)
+        there = at_place(r, _further(p, way, energy / (energy - left)), stop)
+        slowed = there if nearest(colliders, there) >= -slack else at_place(r, (p.x, p.y, p.z), stop)
+    return slowed
+
+
+def _further(p: Any, way: Any, part: Any) -> Any:
+    """The place of p after a part of a way."""
+    return p.x + part * way[0], p.y + part * way[1], p.z + part * way[2]
 
 
 def _gained(p: Any, r: Any, q: Any, h: Any) -> Any:
@@ -350,7 +364,7 @@ def _gained(p: Any, r: Any, q: Any, h: Any) -> Any:
 
 def _along(p: Any, q: Any, way: Any, part: Any) -> Any:
     """The particle q after a part of a way from p."""
-    return at_place(q, (p.x + part * way[0], p.y + part * way[1], p.z + part * way[2]), (q.vx, q.vy, q.vz))
+    return at_place(q, _further(p, way, part), (q.vx, q.vy, q.vz))
 
 
 def _part_until(p: Any, r: Any, n: Any, began: Any, gap_left: Any, h: Any) -> Any:

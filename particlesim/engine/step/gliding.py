@@ -100,5 +100,5 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
                 zero = h - h
                 r = moved_to(r, p.x, p.y, p.z, zero, zero, zero, r.t)
         elif not any(map(runs, contacts.continuous)) and (dents or sweeps > 0):
-            r = no_faster(p, q, r, h, contacts.tolerance)
+            r = no_faster(contacts.continuous, p, q, r, h, contacts.tolerance, slack)
     return r, on, turn

@@ -71,6 +71,6 @@ def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, s
             if leaves:
                 lain = False
         if c.response.belt is None:
-            r = chosen(steady, no_faster(s, q, r, h, tolerance), r)
+            r = chosen(steady, no_faster((c,), s, q, r, h, tolerance, slack), r)
         return lain, r, turn
     return here, r, turn
