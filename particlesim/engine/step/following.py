@@ -17,6 +17,7 @@ from particlesim.engine.step.contacts import (
     rounding_of_step,
     shallow,
 )
+from particlesim.engine.step.crossing import even
 from particlesim.engine.step.gliding import CALM, LIVELY, SURE, glide, step_of
 from particlesim.engine.step.hits import hear, silence
 from particlesim.engine.step.moments import (
@@ -28,7 +29,6 @@ from particlesim.engine.step.moments import (
     reached,
     stretch,
     time_of_impact,
-    until_met,
 )
 from particlesim.engine.step.particle_step import restart
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
@@ -131,10 +131,13 @@ def follow(
             parts = with_part(parts, contacts.continuous, q)
         exhausted, rests = impacts == MAX_IMPACTS and not cramped, stalls == MAX_STALLS and calm == SURE
         done = impacts == MAX_IMPACTS or rests
-        # It may lie for a shorter time: at the end of this one it would be beside an edge, not behind what it lies on.
-        if calm == SURE and not done and (not any(on) or late * AT_ONCE < length):
+        # It may lie for a shorter time, as where this one ends beside an edge; or come somewhere else on a way that bends.
+        over = calm == SURE and (not any(on) or late * AT_ONCE < length)
+        bent = any(on) and late < length and not even(p, q, length)
+        if (over or bent) and not done:
+            least = h - h if over else h / type_of(h, NO_TIME)
             shorter, r, lain, leaves = _lain(
-                method, dynamics, forces, contacts, p, length, memory, h, not any(on)
+                method, dynamics, forces, contacts, p, length, memory, h, not any(on), calm, least
             )
             if shorter > 0:
                 q, on, length = r, lain, shorter
@@ -148,13 +151,6 @@ def follow(
         how, exact = calm if any(on) else LIVELY, True
         if late < length:
             q, exact = reached(method, dynamics, forces, contacts, p, late, place, memory, how)
-            if not exact and not done and any(on):
-                # Along what it lies on it may come there later than it would at an even speed.
-                before, r = until_met(method, dynamics, forces, contacts, p, late, h, memory, how)
-                if before > 0:
-                    p, memory, left, impacts = r, restart(memory), left - before, impacts + 1
-                    calm = CALM
-                    continue
         if done:
             p, outcome = separate(contacts.resting, q, p, contacts)
             memory = restart(memory)
@@ -208,10 +204,12 @@ def _lain(
     memory: Any,
     h: Any,
     flies: Any,
+    calm: Any,
+    least: Any,
 ) -> Any:
     """How long a particle lies that does not until the end of a time `length`, where it `flies`; the particle then; on what
     it lies; and whether it takes off instead."""
-    tau, q, on = lying_for(method, dynamics, forces, contacts, p, length, memory)
+    tau, q, on = lying_for(method, dynamics, forces, contacts, p, length, memory, calm, least)
     leaves = tau * NO_TIME < h
     if leaves and flies:
         # For so short a time rounding errors may press.

@@ -7,9 +7,9 @@ from typing import Any
 from particlesim.colliders.dents import dented
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
-from particlesim.engine.step.contacts import ahead, nowhere, rounding, touches
-from particlesim.engine.step.crossing import crossing, turned_away
-from particlesim.engine.step.gliding import LIVELY, MAX_SWEEPS, SURE, glide
+from particlesim.engine.step.contacts import ahead, nowhere, rounding
+from particlesim.engine.step.crossing import crossing, even, turned_away
+from particlesim.engine.step.gliding import LIVELY, MAX_SWEEPS, glide
 from particlesim.laws.registry import moved_to
 
 SAME = 1 - 1e-6
@@ -162,37 +162,23 @@ def first_met(
 
 
 @outlined
-def until_met(
-    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, late: Any, h: Any, memory: Any, calm: Any
+def lying_for(
+    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any, least: Any
 ) -> Any:
-    """A time up to `late`, of h, until which a particle glides and meets nothing, and the particle then; 0 if none is found,
-    or no more than what it meets at once."""
-    before, r, part = late - late, p, late
-    for _ in range(MAX_SWEEPS):
-        q, _, on, turn = glide(method, dynamics, forces, contacts, p, part, memory, calm)
-        sooner, _ = first_met(method, dynamics, forces, contacts, p, q, on, part, memory, calm)
-        if any(on) and turn >= 1 and sooner >= part and ahead(contacts, on, q) >= 0:
-            at_once = AT_ONCE if touches(contacts.continuous, on, p, rounding(contacts, p)) else NO_TIME
-            before, r = (part, q) if part * at_once > h else (before, r)
-            break
-        part = min(sooner, part) if sooner > 0 else part
-    return before, r
-
-
-@outlined
-def lying_for(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any) -> Any:
-    """How long a particle lies that touches, is pressed on, and leaves before the end of a time h, as one that slides over
-    an edge; the particle then; and on what it lies. The longest of h/2, h/4 ... that ends on the surface, or comes to
-    something that it does not touch now; 0 if none."""
+    """How long a particle lies that does not until the end of a time h, as one that slides over an edge, or does so on a way
+    that is not even; the particle then; and on what it lies. The longest of h/2, h/4 ... that ends on the surface, or comes
+    evenly to something that it does not touch now; 0 if none is longer than `least`."""
     half = type_of(h, 0.5)
     part, found, r, lain = h, h - h, p, nowhere(contacts.continuous)
     for _ in range(MAX_HALVINGS):
         part = part * half
-        q, _, on, turn = glide(method, dynamics, forces, contacts, p, part, memory, SURE)
+        if part < least:
+            break
+        q, _, on, turn = glide(method, dynamics, forces, contacts, p, part, memory, calm)
         if any(on) and turn >= 1:
             late, _ = crossing(contacts, on, p, q, part)
             meets = late * AT_ONCE >= part if late < part else ahead(contacts, on, p) > rounding(contacts, p)
-            if meets or (late >= part and ahead(contacts, on, q) >= 0):
+            if (meets and even(p, q, part)) or (late >= part and ahead(contacts, on, q) >= 0):
                 found, r, lain = part, q, on
                 break
     return found, r, lain
