@@ -46,6 +46,8 @@ BOUNCY = 1.8
 DEEP, SOONER = 64, 1 - 2.0**-20
 """How deep impacts are found at most, in rounding errors; and up to what part of the time at which it ends a glide is taken
 that does not end in an impact."""
+SHORTEST = 2.0**40
+"""The shortest part of a step (1 over it) for which a way that bends is followed."""
 MOST_PUSHES = 64
 """Passes over the colliders of a corner that put a particle out of it: each leaves cos² of the angle between two parts."""
 
@@ -135,7 +137,7 @@ def follow(
         over = calm == SURE and (not any(on) or late * AT_ONCE < length)
         bent = any(on) and late < length and not even(p, q, length)
         if (over or bent) and not done:
-            least = h - h if over else h / type_of(h, NO_TIME)
+            least = h - h if over else h / type_of(h, SHORTEST)
             shorter, r, lain, leaves = _lain(
                 method, dynamics, forces, contacts, p, length, memory, h, not any(on), calm, least
             )

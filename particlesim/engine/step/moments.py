@@ -163,7 +163,15 @@ def first_met(
 
 @outlined
 def lying_for(
-    method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any, least: Any
+    method: Any,
+    dynamics: Any,
+    forces: Any,
+    contacts: Any,
+    p: Any,
+    h: Any,
+    memory: Any,
+    calm: Any,
+    least: Any,
 ) -> Any:
     """How long a particle lies that does not until the end of a time h, as one that slides over an edge, or does so on a way
     that is not even; the particle then; and on what it lies. The longest of h/2, h/4 ... that ends on the surface, or comes

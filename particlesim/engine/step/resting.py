@@ -362,6 +362,11 @@ def held(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any, level: bo
     )
     there = at_place(q, ends, (q.vx, q.vy, q.vz))
     depth, m = sunk(c, p, touch.start, touch.up, there)
+    if crossable(c):
+        # Held back near an edge, it may be nearer to another side than it is deep.
+        beside = dot(n, m) < type_of(h, 0.5)
+        depth = touch.depth if beside else depth
+        m = tuple(a if beside else b for a, b in zip(n, m, strict=True))
     ends = lifted(c, there, depth, m)
     if response.belt is None:
         rests = calm & (not slides)
