@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from particlesim.colliders.dents import dented
+from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.at_rest import rough, runs
@@ -12,7 +13,8 @@ from particlesim.engine.step.contacts import loose, nowhere, rounding_of_step, s
 from particlesim.engine.step.creases import no_faster, wedged
 from particlesim.engine.step.lying import borne, settled_one
 from particlesim.engine.step.particle_step import advance, restart
-from particlesim.laws.registry import moved_to
+from particlesim.engine.step.resting import LEVEL
+from particlesim.laws.registry import gap, moved_to
 
 MAX_SWEEPS = 8
 """Passes over the colliders that a particle lies on before it rests where its step began, and looks for when it turns."""
@@ -47,9 +49,22 @@ def glide(
         wedge = rough(contacts.continuous) & (sum(on) > 1)
         if (wedge or loose(contacts.continuous, on, p, r, slack)) and not blocked:
             r, on, turn = _corner(contacts, p, q, r, on, h, slack, sure)
+        if any(on) and _off(contacts.continuous, on, q, r, slack):
+            on, turn = nowhere(contacts.continuous), type_of(h, 1)  # beyond an edge, where nothing bears it
         if any(on):
             q, memory = r, restart(memory)
     return q, memory, on, turn
+
+
+def _off(colliders: Any, on: Any, q: Any, r: Any, slack: Any) -> Any:
+    """Whether the end r of a step that would be free to q is above all thin colliders on which a particle lies."""
+    if len(colliders) == 0:
+        return True
+    others = _off(colliders[1:], on[1:], q, r, slack)
+    if not others or not on[0]:
+        return others
+    lift = abs(r.x - q.x) + abs(r.y - q.y) + abs(r.z - q.z)
+    return crossable(colliders[0]) and gap(colliders[0], r) > slack + type_of(slack, LEVEL) * lift
 
 
 @outlined
