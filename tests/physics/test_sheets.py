@@ -126,3 +126,36 @@ def test_friction_acts_along_a_crease_of_sheets(method: str) -> None:
     assert gained == pytest.approx(a * H, abs=1e-12)
     assert np.all((x <= wall + 1e-12) | (np.arange(3) < 2))
     assert np.all(x[..., :2] >= -wall - 1e-12)
+
+
+def test_fast_points_do_not_pass_where_a_sheet_leans_on_a_floor() -> None:
+    """They bounce in the wedge, ever faster, and come to rest at its tip, which reaches 8 µm into the floor."""
+    tilt, thickness, n = math.radians(-10), 1e-3, 300
+    along = np.array([math.cos(tilt), math.sin(tilt), 0.0])
+    up = np.array([-math.sin(tilt), math.cos(tilt), 0.0])
+    sheet = {"type": "rectangle", "thickness": thickness, "restitution": 0.5, "friction": 0.0}
+    leans = np.array([1.0, 0.0, 0.0]) - along * 0.5 + up * thickness / 2
+    x, _ = way(
+        1,
+        0.03,
+        0.03,
+        "velocity_verlet",
+        particles=[
+            points(
+                *[(0.4, 0.0, 0.0)] * n,
+                velocity=np.stack([np.linspace(20, 100, n), np.zeros(n), np.zeros(n)], axis=1).tolist(),
+                radius=0.0,
+            )
+        ],
+        forces=[{"type": "gravity", "acceleration": [0, -9.8, 0]}],
+        colliders=[
+            {**sheet, "center": [1.0, -thickness / 2, 0.0], "size": [4, 4]},
+            {
+                **sheet,
+                "center": leans.tolist(),
+                "size": [1, 4],
+                "orientation": {"axis": [0, 0, 1], "angle": -10},
+            },
+        ],
+    )
+    assert x[-1, :, 0].max() <= 1 + 1e-9

@@ -85,13 +85,20 @@ def straight(p: Any, q: Any, h: Any) -> Any:
 
 
 def even(p: Any, q: Any, h: Any) -> Any:
-    """Whether a step of h from p to q, and any part of it, is on the parabola through both with the velocity of p, as along
-    what is flat: the velocity of q is that of its end, or, of a method of first order, that of the straight way."""
-    k, two = type_of(h, 1) / h, type_of(h, 2)
+    """Whether a glide of h from p to q is along the parabola through both with the velocity of p, as along what is flat, or,
+    of a method of first order, the straight line with that of q."""
+    k = type_of(h, 1) / h
     x, y, z = (k * (b - a) for a, b in zip((p.x, p.y, p.z), (q.x, q.y, q.z), strict=True))
-    off = abs(two * x - p.vx - q.vx) + abs(two * y - p.vy - q.vy) + abs(two * z - p.vz - q.vz)
-    first = abs(x - q.vx) + abs(y - q.vy) + abs(z - q.vz)
-    return min(off, first) <= type_of(h, EVEN) * (abs(x) + abs(y) + abs(z))
+    off = abs(x - q.vx) + abs(y - q.vy) + abs(z - q.vz)
+    return _bent_evenly(p, q, h) | (off <= type_of(h, EVEN) * (abs(x) + abs(y) + abs(z)))
+
+
+def _bent_evenly(p: Any, q: Any, h: Any) -> Any:
+    """The first of these: the velocity of q is that of the end of the parabola."""
+    k = type_of(h, 2) / h
+    x, y, z = (k * (b - a) for a, b in zip((p.x, p.y, p.z), (q.x, q.y, q.z), strict=True))
+    off = abs(x - p.vx - q.vx) + abs(y - p.vy - q.vy) + abs(z - p.vz - q.vz)
+    return off <= type_of(h, EVEN) * (abs(x) + abs(y) + abs(z))
 
 
 # What discrete detection does not see
@@ -142,7 +149,7 @@ def crossing(contacts: Any, on: Any, p: Any, q: Any, h: Any) -> Any:
     if not any(crossable(c) for c in contacts.continuous):
         return h, q
     chord = straight(p, q, h)
-    if not any(on) or even(p, q, h):
+    if not any(on) or _bent_evenly(p, q, h):
         chord = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, p.t)
     s, place = first_crossing(contacts.continuous, on, chord, q, h, farther(contacts, p, q))
     return h * s, place

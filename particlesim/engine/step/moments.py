@@ -10,7 +10,7 @@ from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.contacts import ahead, nowhere, rounding
 from particlesim.engine.step.crossing import crossing, even, turned_away
 from particlesim.engine.step.gliding import LIVELY, MAX_SWEEPS, glide
-from particlesim.laws.registry import moved_to
+from particlesim.laws.registry import gap_and_normal, moved_to
 
 SAME = 1 - 1e-6
 """The part of a step at the end of which a particle turns around counts as the whole step beyond this."""
@@ -186,10 +186,25 @@ def lying_for(
         if any(on) and turn >= 1:
             late, _ = crossing(contacts, on, p, q, part)
             meets = late * AT_ONCE >= part if late < part else ahead(contacts, on, p) > rounding(contacts, p)
-            if (meets and even(p, q, part)) or (late >= part and ahead(contacts, on, q) >= 0):
+            ends = (meets and even(p, q, part)) or (late >= part and ahead(contacts, on, q) >= 0)
+            if ends and _clears(contacts, on, p, q):
                 found, r, lain = part, q, on
                 break
     return found, r, lain
+
+
+def _clears(contacts: Any, on: Any, p: Any, q: Any) -> Any:
+    """Whether a particle that glides from p to q, maybe around a rounded edge, meets nothing halfway, where it is farther
+    out than the straight line."""
+    half = type_of(p.x, 0.5)
+    x, y, z = half * (p.x + q.x), half * (p.y + q.y), half * (p.z + q.z)
+    mid = moved_to(p, x, y, z, q.vx, q.vy, q.vz, half * (p.t + q.t))
+    for c, here in zip(contacts.continuous, on, strict=True):
+        g, n = gap_and_normal(c, mid)
+        lift = min(g, g - g) if here else g - g
+        x, y, z = (a if u is None else a - lift * u for a, u in zip((mid.x, mid.y, mid.z), n, strict=True))
+        mid = moved_to(mid, x, y, z, mid.vx, mid.vy, mid.vz, mid.t)
+    return ahead(contacts, on, mid) >= -rounding(contacts, mid)
 
 
 @outlined
