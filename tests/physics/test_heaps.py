@@ -51,8 +51,8 @@ def depths(x: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     "contact",
     [
-        {},
-        {"restitution": 0.5},
+        pytest.param({}, marks=pytest.mark.slow),
+        pytest.param({"restitution": 0.5}, marks=pytest.mark.slow),
         {"friction": 0.5},
         pytest.param(
             {"restitution": 0.5, "friction": {"static": 0.6, "kinetic": 0.4}}, marks=pytest.mark.slow

@@ -136,6 +136,7 @@ def test_heavy_bodies_on_light_ones_gain_no_energy(name: str, restitution: float
     assert energy.max() < (1 + 1e-5) * energy[0]
 
 
+@pytest.mark.slow
 def test_a_tower_that_is_too_high_gains_no_energy_either() -> None:
     # More bodies than are solved for together: what sweeps have come to gives nothing.
     bodies = stack([1.0] * 35 + [1e6])
