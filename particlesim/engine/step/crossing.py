@@ -18,7 +18,7 @@ EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
 """The rounding error of 1 in each precision."""
 
 EVEN = 2.0**-20
-"""The part of a velocity that a change of it may be off an even one."""
+"""How far a velocity may be from that of an even way, in parts of it."""
 
 
 def all_apart(colliders: Any, on: Any, p: Any, q: Any, h: Any, slack: Any, alone: bool = False) -> Any:
