@@ -22,12 +22,12 @@ from particlesim.laws.registry import (
     Vector,
     apart,
     first_contact,
-    further,
     gap,
     law,
     normal,
     sure_gap,
     thinnest,
+    with_radius,
 )
 from particlesim.model.base import Model
 from particlesim.model.vectors import Vector3
@@ -130,7 +130,7 @@ AnyHollow = HollowRecord | HollowConvexRecord
 
 def point_of(p: Particle) -> Particle:
     """A particle of no size in its place."""
-    return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, p.r - p.r, p.T, p.t, p.w, *further(p))
+    return with_radius(p, p.r - p.r)
 
 
 def hollow_gap(c: AnyHollow, p: Particle) -> float:

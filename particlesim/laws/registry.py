@@ -85,6 +85,11 @@ def moved_to(
     return Particle(x, y, z, vx, vy, vz, p.m, p.r, p.T, t, p.w, *further(p))
 
 
+def with_radius(p: Particle, r: float) -> Particle:
+    """The particle with another radius."""
+    return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, r, p.T, p.t, p.w, *further(p))
+
+
 def law(generic: Callable[..., Any], record: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register the decorated function as the law that gives `generic` for `record`."""
 

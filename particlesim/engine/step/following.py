@@ -32,7 +32,7 @@ from particlesim.engine.step.moments import (
 )
 from particlesim.engine.step.particle_step import restart
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
-from particlesim.laws.registry import PASS, moved_to
+from particlesim.laws.registry import PASS, contact, gap, moved_to, with_radius
 
 MAX_IMPACTS = 1024
 """Impacts followed within one step; a particle with more is counted, and finishes the step without rebound. A bound on the
@@ -48,6 +48,8 @@ DEEP, SOONER = 64, 1 - 2.0**-20
 that does not end in an impact."""
 SHORTEST = 2.0**40
 """The shortest part of a step (1 over it) for which a way that bends is followed."""
+STEEP = 2.0**-20
+"""The square of the change of a velocity, over its own, above which an impact is no graze."""
 MOST_PUSHES = 64
 """Passes over the colliders of a corner that put a particle out of it: each leaves cos² of the angle between two parts."""
 
@@ -162,7 +164,7 @@ def follow(
             # From now on it lies where it touches.
             calm, stalls = SURE, 0
             continue
-        tau, q, dies_out, lay = _impact(
+        tau, q, on, dies_out, lay = _impact(
             method, dynamics, forces, contacts, p, q, late, memory, h, how, exact, force, bouncy
         )
         impacts += 1
@@ -173,6 +175,7 @@ def follow(
             continue
         hit, hits = hear(contacts.continuous, q, hit), True
         p, outcome = separate(contacts.continuous, q, p, contacts)
+        p = _struck(contacts, on, q, p) if outcome == PASS else p
         memory = restart(memory)
         left = left - tau
         calm = LIVELY
@@ -237,8 +240,8 @@ def _impact(
     force: Any,
     bouncy: Any,
 ) -> Any:
-    """The time of the impact of a particle that is in a collider at q at the time `late`; the particle then; whether such
-    hops die out; and whether it is no impact, as the particle has lain there until then."""
+    """The time of the impact of a particle that is in a collider at q at the time `late`; the particle then; on what it
+    lies until then; whether such hops die out; and whether it is no impact, as the particle has lain there until then."""
     tau, half, lay = late, type_of(h, 0.5), False
     if exact:
         tau = time_of_impact(method, dynamics, forces, contacts, p, late, memory, how)
@@ -258,4 +261,16 @@ def _impact(
             r, _, on, _ = glide(method, dynamics, forces, contacts, p, sooner, memory, how)
             lay = any(on) and ahead(contacts, on, r) >= 0
             tau, q = (sooner, r) if lay else (tau, q)
-    return tau, q, dies_out, lay
+    return tau, q, on, dies_out, lay
+
+
+def _struck(contacts: Any, on: Any, q: Any, p: Any) -> Any:
+    """A particle p after an impact at q. What it lies on may have put it back by rounding errors, out of what it hits and
+    goes on to approach, as it would for ever: with the velocity after that."""
+    for c, here in zip(contacts.continuous, on, strict=True):
+        after, _ = contact(c, with_radius(p, p.r + rounding(contacts, p)))
+        x, y, z = after.vx - p.vx, after.vy - p.vy, after.vz - p.vz
+        steep = x * x + y * y + z * z > type_of(x, STEEP) * (p.vx * p.vx + p.vy * p.vy + p.vz * p.vz)
+        hits = steep & (not here) & (gap(c, q) < 0) & (c.response.outcome == PASS)
+        p = chosen(hits, moved_to(p, p.x, p.y, p.z, after.vx, after.vy, after.vz, p.t), p)
+    return p

@@ -21,7 +21,9 @@ AT_ONCE = 2.0**10
 MAX_LEAVES = 40
 """The shortest part of a step, as a power of two, after which it is looked whether a particle has left a surface."""
 MAX_HALVINGS = 80
-"""Bound on the search for the time of impact; bisection alone would end after 53."""
+"""Bound on the search for the time of impact; bisection alone ends after 53."""
+MAX_GUESSES = 24
+"""Turns of that search that may guess: where a way ends in a seam, gaps stop falling, and guesses help little."""
 
 
 @outlined
@@ -30,7 +32,7 @@ def time_of_impact(
 ) -> Any:
     """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method."""
     # Regula falsi with the Illinois modification (Dowell, Jarratt, BIT 11, 168 (1971)), kept inside the bracket; every
-    # third turn bisects, so that the bracket is sure to close.
+    # third turn bisects, and in the end all do, so that the bracket is sure to close.
     half = type_of(h, 0.5)  # dividing by the integer 2 would turn single precision into double
     early, late = h - h, h
     q, _, on, _ = glide(method, dynamics, forces, contacts, p, late, memory, calm)
@@ -56,7 +58,7 @@ def time_of_impact(
         middle = early + (late - early) * half
         if not (early < middle < late):
             break
-        if turn % 3 != 2 and above > 0:
+        if turn % 3 != 2 and turn < MAX_GUESSES and above > 0:
             guess = (late * above - early * below) / (above - below)
             middle = guess if early < guess < late else middle
         q, _, on, _ = glide(method, dynamics, forces, contacts, p, middle, memory, calm)

@@ -11,6 +11,7 @@ from particlesim.bodies import Bodies
 from particlesim.colliders import Collider, Plane
 from particlesim.colliders.bounds import edge
 from particlesim.colliders.response import ColliderRecord, crossable
+from particlesim.colliders.seams import closed
 from particlesim.emitters import Emitter
 from particlesim.engine.step.contacts import Careful, Simple
 from particlesim.engine.step.particle_step import Newtonian, Overdamped, Tracer
@@ -72,6 +73,11 @@ def contacts_record(
     inert = group.dynamics.type != "second_order"
     numbers = heard or [None] * len(colliders)
     records = {id(c): _numbered(c.record(), k) for c, k in zip(colliders, numbers, strict=True)}
+    hard = [each for each in colliders if inert or not each.soft]
+    reach = max((each.reach() for each in hard), default=0.0)
+    firm = [id(each) for each in hard if each.detection == "continuous" and not inert]
+    for key, shape in zip(firm, closed([records[key].shape for key in firm], reach, dtype), strict=True):
+        records[key] = records[key]._replace(shape=shape)
     if inert or smooth:
         records = {key: without_friction(each) for key, each in records.items()}
     if turning:
@@ -79,8 +85,7 @@ def contacts_record(
     if even:
         records = {key: under_even(each) for key, each in records.items()}
     soft = tuple(each.record() for each in colliders if each.soft and not inert)
-    hard = [each for each in colliders if inert or not each.soft]
-    continuous = [records[id(each)] for each in hard if each.detection == "continuous" and not inert]
+    continuous = [records[key] for key in firm]
     discrete = [
         without_yielding(records[id(each)]) if inert else records[id(each)]
         for each in hard
@@ -93,7 +98,6 @@ def contacts_record(
     tolerance = CONTACT_TOLERANCE * float(np.finfo(dtype).eps)
     bodies = sum(not isinstance(each, Plane) for each in hard)
     one_by_one = () if bodies > few or any(each.costly for each in hard) else None
-    reach = max((each.reach() for each in hard), default=0.0)
     return Careful(
         tuple(continuous), tuple(resting), (*discrete, *bounds), tolerance, reach, one_by_one, soft
     )

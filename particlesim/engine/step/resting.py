@@ -48,6 +48,9 @@ LEVEL = 2.0**-10
 """How far into a surface the velocity of a particle that moves along it may lead, in units of how deep the free step is:
 normals that take a search are not exact."""
 
+STRAIGHT = 1 - 2.0**-20
+"""The cosine of the angle between two normals from which on they are those of one flat side."""
+
 NOISE = 2.0**-19
 """Part of a speed that its rounding errors in single precision stay below, as `records.CONTACT_TOLERANCE` says."""
 
@@ -125,12 +128,22 @@ def touched(c: Any, p: Any, q: Any) -> Touch:
 def sunk(c: Any, p: Any, start: Any, up: Any, q: Any) -> Any:
     """Gap and normal of a collider for the end q of a step from p, which touches it with the gap `start` and the normal
     `up`: those of the side that p is on. A free step may well lead through a thin sheet on which a particle lies, and there
-    is no other side for it."""
+    is no other side for it; and near an edge another side may be nearer than the one under which it ends."""
     g, n = gap_and_normal(c, q)
     if not crossable(c):
         return g, n
     depth = start + up[0] * (q.x - p.x) + up[1] * (q.y - p.y) + up[2] * (q.z - p.z)
-    behind = (n[0] * up[0] + n[1] * up[1] + n[2] * up[2] < type_of(g, -0.5)) & (depth < 0)
+    lean, half = dot(n, up), type_of(g, 0.5)
+    behind = (lean < -half) & (depth < 0)
+    x, y, z = (b - depth * a for a, b in zip(up, (q.x, q.y, q.z), strict=True))
+    over, m = gap_and_normal(c, moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t))
+    under = (
+        (abs(over) <= type_of(g, -LEVEL) * depth)
+        & (dot(m, up) >= type_of(g, STRAIGHT))
+        & (lean < half)
+        & (g < 0)
+    )
+    behind |= under & (depth < 0)
     return depth if behind else g, tuple(a if behind else b for a, b in zip(up, n, strict=True))
 
 

@@ -1,0 +1,255 @@
+"""Seams: where a flat face of one collider lies against another, as under a box that stands on the floor.
+
+What has no size and is exactly there is inside of neither: it would slide under the box, or fall between two boxes that
+stand side by side. So such a face reaches a little into the other collider, farther than gaps are off by rounding. Nothing
+else changes, as that part of it is hidden. Round sides, which touch in a line or at a point, stay as they are.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from particlesim.colliders.box import BoxRecord
+from particlesim.colliders.bvh import build
+from particlesim.colliders.combination import IntersectionRecord, UnionRecord
+from particlesim.colliders.cone import ConeRecord
+from particlesim.colliders.cylinder import CylinderRecord
+from particlesim.colliders.gaps import gaps_of
+from particlesim.colliders.mesh import MeshRecord
+from particlesim.colliders.moving import MovingRecord, alight
+from particlesim.colliders.pose import ShiftedRecord, TurnedRecord
+from particlesim.laws.registry import Particle, gap
+
+Floats = NDArray[np.float64]
+
+REACH = 2.0**-41
+"""How far a face reaches into what it touches, in parts of the size of the scene: much more than rounding errors of places,
+much less than any that matters."""
+REACH_SINGLE = 2.0**-17
+"""The same in single precision; impacts are found in double, so that only places are off."""
+TOUCHING = 2.0**-46
+"""Gaps that count as none, in the same parts."""
+FACING = 0.25
+"""How far into the other a place on a face comes at least that is moved along its normal, in parts of that way."""
+FINE, MOST = 2, 32
+"""Places on a face that are looked at: as many along half its shorter side, and at most so many along the longer one."""
+ROUND = 16
+"""The same along a circle."""
+FLAT, LARGE = 1e-9, 1e-3
+"""By how much triangles in a plane may differ, and the part of the surface of a mesh that they have at least."""
+FEW = 2048
+"""Places that are looked at one by one; more of them are worth a kernel."""
+
+
+class Face(NamedTuple):
+    """A part of a surface: places on it and normals there, [n, 3] each; the shape with that part farther out by a length,
+    and how far that is to be shifted [m]; and further shapes that the part may touch."""
+
+    places: Floats
+    normals: Floats
+    out: Callable[[float], tuple[Any, Floats]]
+    beside: tuple[Any, ...] = ()
+
+
+def closed(shapes: Sequence[Any], size: float, dtype: np.dtype[Any]) -> list[Any]:
+    """Shapes as kernels take them, with those faces farther out that touch another one at the start; `size` is that of the
+    scene [m], whose numbers have a precision. What is covered by the other comes first; of two that only overlap, one is
+    enough."""
+    found = list(shapes)
+    by, slack = (REACH if dtype.itemsize == 8 else REACH_SINGLE) * size, TOUCHING * size
+    partly = []
+    for k in range(len(found)):
+        for j in range(len(faces(found[k]))):
+            covered = _covered(found, k, j, by, slack)
+            if covered.all():
+                found[k] = faces(found[k])[j].out(by)[0]
+            elif covered.any():
+                partly.append((k, j))
+    for k, j in partly:
+        if _covered(found, k, j, by, slack).any():
+            found[k] = faces(found[k])[j].out(by)[0]
+    return found
+
+
+def _covered(shapes: Sequence[Any], k: int, j: int, by: float, slack: float) -> Any:
+    """Which places on face j of shape k others touch, of those that are on its surface."""
+    face = faces(shapes[k])[j]
+    places, normals = face.places, face.normals
+    middle = places.mean(axis=0)
+    around = float(np.sqrt(((places - middle) ** 2).sum(axis=1).max())) + slack
+    covered = np.zeros(len(places), bool)
+    for other in (*shapes[:k], *shapes[k + 1 :], *face.beside):
+        if _gaps(other, middle[None])[0] <= around:
+            touches = np.abs(_gaps(other, places)) <= slack
+            touches[touches] = _gaps(other, places[touches] + by * normals[touches]) < -FACING * by
+            covered |= touches
+    return covered[np.abs(_gaps(shapes[k], places)) <= slack] if covered.any() else covered
+
+
+def _gaps(shape: Any, places: Floats) -> Floats:
+    """Gaps of points to a shape at the start [m], [n]."""
+    if len(places) > FEW:
+        out = np.empty(len(places))
+        x, y, z = np.ascontiguousarray(places.T)
+        gaps_of(shape, x, y, z, np.zeros(len(places)), 0.0, out)
+        return out
+    return np.array([float(gap(shape, _point(*map(float, place)))) for place in places])
+
+
+def _point(x: float, y: float, z: float) -> Particle:
+    """A particle of no size at the start."""
+    return Particle(x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+@functools.singledispatch
+def faces(shape: Any) -> tuple[Face, ...]:
+    """The parts of the surface of a shape that others may lie against; none of those that are round."""
+    return ()
+
+
+@faces.register
+def _(shape: BoxRecord) -> tuple[Face, ...]:
+    half, found = np.array(shape), []
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        step = min(half[u], half[v]) / FINE
+        a, b = (np.linspace(-w, w, 1 + 2 * min(math.ceil(w / step), MOST)) for w in (half[u], half[v]))
+        for side in (-1.0, 1.0):
+            normal = np.zeros(3)
+            normal[axis] = side
+            places = np.full((len(a) * len(b), 3), side * half[axis])
+            places[:, u], places[:, v] = (each.ravel() for each in np.meshgrid(a, b))
+
+            def out(by: float, normal: Floats = normal) -> tuple[Any, Floats]:
+                return BoxRecord(*(half + 0.5 * by * np.abs(normal)).tolist()), 0.5 * by * normal
+
+            found.append(Face(places, np.broadcast_to(normal, places.shape), out))
+    return tuple(found)
+
+
+def _ends(half: float, low: float, high: float, longer: Callable[[float, float], Any]) -> tuple[Face, ...]:
+    """The flat ends of a shape about the y axis, of half its length and these radii; `longer` is it with the end on a side
+    farther out."""
+    turns = np.linspace(0, 2 * math.pi, ROUND, endpoint=False)
+    found = []
+    for side, radius in ((-1.0, low), (1.0, high)):
+        if radius <= 0:  # a tip
+            continue
+        rings = radius * np.linspace(0, 1, 1 + FINE)[:, None]
+        x, z = (rings * np.cos(turns)).ravel(), (rings * np.sin(turns)).ravel()
+        normal = np.array((0.0, side, 0.0))
+
+        def out(by: float, side: float = side, normal: Floats = normal) -> tuple[Any, Floats]:
+            return longer(side, by), 0.5 * by * normal
+
+        places = np.stack([x, np.full(len(x), side * half), z], axis=1)
+        found.append(Face(places, np.broadcast_to(normal, places.shape), out))
+    return tuple(found)
+
+
+@faces.register
+def _(shape: CylinderRecord) -> tuple[Face, ...]:
+    def longer(side: float, by: float) -> Any:
+        return shape._replace(half=shape.half + 0.5 * by)
+
+    return _ends(shape.half, shape.radius, shape.radius, longer)
+
+
+@faces.register
+def _(shape: ConeRecord) -> tuple[Face, ...]:
+    def longer(side: float, by: float) -> Any:
+        wider = by * shape.up / shape.out  # as wide as it becomes along its slope
+        low, high = (shape.low + wider, shape.high) if side < 0 else (shape.low, shape.high - wider)
+        half, length = shape.half + 0.5 * by, shape.length + by / shape.out
+        return shape._replace(half=half, low=max(low, 0.0), high=max(high, 0.0), length=length)
+
+    return _ends(shape.half, shape.low, shape.high, longer)
+
+
+@faces.register
+def _(shape: MeshRecord) -> tuple[Face, ...]:
+    """Those of its flat sides that are large, of several triangles in a plane."""
+    if shape.side != 1:
+        return ()
+    corners = np.unique(shape.tree.corners.transpose(0, 2, 1).reshape(-1, 9), axis=0).reshape(-1, 3, 3)
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    across = np.cross(b - a, c - a)
+    area = np.linalg.norm(across, axis=1)
+    normals = across / area[:, None]
+    size = np.abs(corners).max()
+    plane = np.round(np.column_stack([normals, (normals * a).sum(axis=1) / size]) / FLAT)
+    _, first, side = np.unique(plane, axis=0, return_index=True, return_inverse=True)
+    sizes = np.bincount(side.ravel(), area)
+    large = np.argsort(-sizes, kind="stable")[:MOST]
+    places, which = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    triangles = which.reshape(-1, 3)
+    found = []
+    for k in large[sizes[large] > LARGE * area.sum()]:
+        of = side.ravel() == k
+        normal, mine = normals[first[k]], np.unique(triangles[of])
+
+        def out(by: float, normal: Floats = normal, mine: Any = mine) -> tuple[Any, Floats]:
+            moved = places.copy()
+            moved[mine] += by * normal
+            return shape._replace(tree=build(moved, triangles)), np.zeros(3)
+
+        ends = corners[of]
+        middles = [ends.mean(axis=1), *((ends[:, i] + ends[:, j]) / 2 for i, j in ((0, 1), (1, 2), (2, 0)))]
+        on = np.concatenate([places[mine], *middles])
+        found.append(Face(on, np.broadcast_to(normal, on.shape), out))
+    return tuple(found)
+
+
+@faces.register(UnionRecord)
+@faces.register(IntersectionRecord)
+def _(shape: Any) -> tuple[Face, ...]:
+    found = []
+    for k, part in enumerate(shape.parts):
+        rest = (*shape.parts[:k], *shape.parts[k + 1 :]) if isinstance(shape, UnionRecord) else ()
+        for face in faces(part):
+
+            def out(by: float, k: int = k, face: Face = face) -> tuple[Any, Floats]:
+                parts = (*shape.parts[:k], face.out(by)[0], *shape.parts[k + 1 :])
+                return shape._replace(parts=parts), np.zeros(3)
+
+            found.append(Face(face.places, face.normals, out, (*face.beside, *rest)))
+    return tuple(found)
+
+
+@faces.register(ShiftedRecord)
+@faces.register(TurnedRecord)
+def _(shape: Any) -> tuple[Face, ...]:
+    rows = np.array(shape[3:12]).reshape(3, 3) if isinstance(shape, TurnedRecord) else np.eye(3)
+    found = []
+    for face in faces(shape.shape):
+
+        def out(by: float, face: Face = face) -> tuple[Any, Floats]:
+            grown, shift = face.out(by)
+            x, y, z = (np.array(shape[:3]) + rows @ shift).tolist()
+            return shape._replace(x=x, y=y, z=z, shape=grown), np.zeros(3)
+
+        found.append(Face(face.places @ rows.T + np.array(shape[:3]), face.normals @ rows.T, out))
+    return tuple(found)
+
+
+@faces.register
+def _(shape: MovingRecord) -> tuple[Face, ...]:
+    found = []
+    for face in faces(shape.shape):
+
+        def out(by: float, face: Face = face) -> tuple[Any, Floats]:
+            return shape._replace(shape=face.out(by)[0]), np.zeros(3)
+
+        def in_world(places: Floats) -> Floats:
+            return np.array([alight(shape, _point(*map(float, place)))[:3] for place in places])
+
+        places = in_world(face.places)
+        beside = tuple(shape._replace(shape=each) for each in face.beside)
+        found.append(Face(places, in_world(face.places + face.normals) - places, out, beside))
+    return tuple(found)
