@@ -25,6 +25,7 @@ assert len(bits) == 1
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "duration"), [("balls_on_a_trampoline", 0.6)])
 def test_threads_that_are_behind_change_no_bit(name: str, duration: float, tmp_path: Path) -> None:
     """One that came late to candidates of surfaces saw that they were stale, or no longer so, by what the first thread had

@@ -82,7 +82,7 @@ FEWER = {
 
 ONE_OF_EACH_KIND = (
     *("fountain", "conveyor", "solar_system", "pendulum_chain", "flag"),
-    *("bridge_collapse", "cloth_over_sphere", "argon_melt", "pool_break"),
+    *("bridge_collapse", "cloth_over_sphere", "argon_melt"),
 )
 """Of all ways to step; the others take as long, nearly all of it for compiling."""
 

@@ -225,7 +225,7 @@ WELLS: dict[str, tuple[str, Callable[..., Any], Callable[..., Any], Callable[...
     ("well", "scene"),
     [
         ("gaussian", "ball"),
-        ("gaussian", "aside"),
+        pytest.param("gaussian", "aside", marks=pytest.mark.slow),
         ("sextic", "floor"),
         pytest.param("gaussian", "box", marks=pytest.mark.slow),
         pytest.param("quartic", "floor", marks=pytest.mark.slow),

@@ -150,7 +150,7 @@ def test_errors_hold_for_any_softening(softening: float) -> None:
     tree.close()
 
 
-@pytest.mark.parametrize("accuracy", [1e-1, 1e-2, 1e-4, 1e-5])
+@pytest.mark.parametrize("accuracy", [1e-1, 1e-2, pytest.param(1e-4, marks=pytest.mark.slow), 1e-5])
 def test_charges_in_the_order_of_a_crystal_are_summed_as_exactly_as_asked(accuracy: float) -> None:
     """Low moments of its cells vanish, and tell nothing of higher ones; and forces are a thousandth of those of pairs."""
     index = np.stack(np.unravel_index(np.arange(15**3), (15, 15, 15)), axis=1)
