@@ -62,24 +62,28 @@ def closed(shapes: Sequence[Any], size: float, dtype: np.dtype[Any]) -> list[Any
     scene [m], whose numbers have a precision. What is covered by the other comes first; of two that only overlap, one is
     enough."""
     found = list(shapes)
+    if len(found) == 1 and isinstance(found[0], MeshRecord):
+        return found  # to look for its sides takes long
     by, slack = (REACH if dtype.itemsize == 8 else REACH_SINGLE) * size, TOUCHING * size
     partly = []
     for k in range(len(found)):
-        for j in range(len(faces(found[k]))):
-            covered = _covered(found, k, j, by, slack)
-            if covered.all():
-                found[k] = faces(found[k])[j].out(by)[0]
+        parts = faces(found[k])
+        for j in range(len(parts)):
+            covered = _covered(found, k, parts[j], by, slack)
+            if len(covered) and covered.all():
+                found[k] = parts[j].out(by)[0]
+                parts = faces(found[k])
             elif covered.any():
                 partly.append((k, j))
     for k, j in partly:
-        if _covered(found, k, j, by, slack).any():
-            found[k] = faces(found[k])[j].out(by)[0]
+        face = faces(found[k])[j]
+        if _covered(found, k, face, by, slack).any():
+            found[k] = face.out(by)[0]
     return found
 
 
-def _covered(shapes: Sequence[Any], k: int, j: int, by: float, slack: float) -> Any:
-    """Which places on face j of shape k others touch, of those that are on its surface."""
-    face = faces(shapes[k])[j]
+def _covered(shapes: Sequence[Any], k: int, face: Face, by: float, slack: float) -> Any:
+    """Which places on a face of shape k others touch, of those that are on its surface."""
     places, normals = face.places, face.normals
     middle = places.mean(axis=0)
     around = float(np.sqrt(((places - middle) ** 2).sum(axis=1).max())) + slack
