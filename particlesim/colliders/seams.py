@@ -97,13 +97,21 @@ def _covered(shapes: Sequence[Any], k: int, face: Face, by: float, slack: float)
 
 
 def _gaps(shape: Any, places: Floats) -> Floats:
-    """Gaps of points to a shape at the start [m], [n]."""
+    """Gaps of points to a shape at the start [m], [n]; not a number where a formula has no value, which touches nothing."""
     if len(places) > FEW:
         out = np.empty(len(places))
         x, y, z = np.ascontiguousarray(places.T)
         gaps_of(shape, x, y, z, np.zeros(len(places)), 0.0, out)
         return out
-    return np.array([float(gap(shape, _point(*map(float, place)))) for place in places])
+    return np.array([_gap(shape, _point(*map(float, place))) for place in places])
+
+
+def _gap(shape: Any, p: Particle) -> float:
+    try:
+        with np.errstate(all="ignore"):
+            return float(gap(shape, p))
+    except (ArithmeticError, ValueError):  # from plain numbers: 1/x at x = 0
+        return math.nan
 
 
 def _point(x: float, y: float, z: float) -> Particle:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.typing import NDArray
 from simulate import G, points, way
 
@@ -150,6 +152,39 @@ def test_points_that_slide_on_a_floor_rebound_from_what_stands_on_it(
         assert x.max() <= 1.5 + 1e-11
         assert np.abs(height).max() < 1e-9
         assert np.all((v[-1] > 0) == (x[0] + 0.2 * v[0] < 1.5))
+
+
+def test_points_rebound_from_a_mesh_that_stands_on_a_floor(tmp_path: Path) -> None:
+    trimesh.creation.box(BLOCK["size"]).export(tmp_path / "block.obj")
+    n, h, steps = 60, 0.01, 20
+    x, v = RNG.uniform(0, 1.4, n), 10 ** RNG.uniform(-0.3, 1.5, n)
+    zero = np.zeros(n)
+    mesh = {
+        "type": "mesh",
+        "path": str(tmp_path / "block.obj"),
+        "origin": BLOCK["center"],
+        "restitution": 0.5,
+    }
+    places, _ = way(
+        steps,
+        steps * h,
+        h,
+        "velocity_verlet",
+        particles=[
+            points(
+                *np.stack([x, zero, zero], axis=1).tolist(),
+                velocity=np.stack([v, zero, zero], axis=1).tolist(),
+                radius=0.0,
+                mass=1.0,
+            )
+        ],
+        forces=GRAVITY,
+        planes=[{"normal": [0, 1, 0], "restitution": 0.5}],
+        colliders=[mesh],
+    )
+    after = np.maximum(steps * h - (1.5 - x) / v, 0)
+    ends = np.where(after > 0, 1.5 - 0.5 * v * after, x + v * steps * h)
+    assert np.abs(places[-1, :, 0] - ends).max() < 1e-8
 
 
 def test_fast_points_on_a_tilted_floor_rebound_from_a_wall() -> None:
