@@ -3,7 +3,8 @@
     python tests/fuzz/fuzz_contact.py [--particle-steps 1e8] [--seed 0] [--particles 1024] [--only mesh] [--method …]
 
 Every round draws a scene: a room of six walls with one of them twice (coincident planes), a wall across a corner and a ball;
-a room of thin sheets, which may be touched from both sides and so must be crossed by no way; or one of all other
+a room of thin sheets, which may be touched from both sides and so must be crossed by no way; a floor that flat sides of
+solids stand on exactly, at rest or pushed along it, so that nothing may be under them; or one of all other
 shapes, at rest or led and turned, once or twice in the same place, in a hollow sphere about it. All have
 some restitution, loss, and friction; there is gravity or none, a step, and many particles at speeds from 10⁻³ to 10⁵ m/s:
 anywhere, in corners, on edges, grazing along walls, or at rest on them. Prints the particles that break a rule and, at the
@@ -29,15 +30,22 @@ from contract.cases import COLLIDER_CASES, opened
 from support import careful, columns, position, program, run, velocity
 
 from particlesim.colliders import (
+    BoxCollider,
     Collider,
+    ConeCollider,
+    CylinderCollider,
     DiscCollider,
     MeshCollider,
     PlaneCollider,
     RectangleCollider,
     SphereCollider,
+    UnionCollider,
 )
+from particlesim.colliders.box import Box
 from particlesim.colliders.gaps import gaps_of
 from particlesim.colliders.moving import SpinRecord
+from particlesim.colliders.pose import Orientation
+from particlesim.colliders.seams import closed
 from particlesim.forces import Gravity
 from particlesim.groups.motion import Motion
 
@@ -57,7 +65,8 @@ DEAR = 32
 
 class Scene(NamedTuple):
     """Colliders, whether one of them moves, the radius of a sphere or a box about all legal places [m], whether the box is
-    meant, how much larger than others' rounding errors are, and what else no particle may be inside of."""
+    meant, how much larger than others' rounding errors are, what else no particle may be inside of, and the axes of a floor
+    through the origin, in columns, of which the second is its normal."""
 
     colliders: list[Collider]
     moves: bool
@@ -65,6 +74,7 @@ class Scene(NamedTuple):
     room: bool
     noise: float = 1.0
     bounds: tuple[Collider, ...] = ()
+    floor: NDArray[Any] | None = None
 
 
 def surface(rng: np.random.Generator, rubs: bool) -> dict[str, Any]:
@@ -110,7 +120,94 @@ def sheets(rng: np.random.Generator, rubs: bool) -> Scene:
     return Scene(walls, False, 1.0, True, bounds=bounds)
 
 
+def floor(rng: np.random.Generator, rubs: bool) -> Scene:
+    """Four solids of a kind that stand on a floor with flat sides, which nothing may be under: a plane, a box, or a sheet,
+    turned in some way; in a hollow sphere. Boxes stand beside boxes, and one of the solids is pushed to and fro."""
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    angle = float(rng.choice([0.0, rng.uniform(0, 180)]))
+    turned = Orientation(axis=axis.tolist(), angle=angle)
+    axes = np.array(turned.rotation())
+    kind = rng.choice(["plane", "box", "rectangle"])
+    deep = 0.25
+    ground: Collider
+    if kind == "plane":
+        ground = PlaneCollider(normal=axes[:, 1].tolist(), **surface(rng, rubs))
+    elif kind == "box":
+        center = (-axes[:, 1] * 2 * deep).tolist()
+        ground = BoxCollider(size=(3, 4 * deep, 3), center=center, orientation=turned, **surface(rng, rubs))
+    else:
+        deep = float(rng.choice([5e-5, 0.005]))
+        center, size = (-axes[:, 1] * deep).tolist(), (3, 3)
+        ground = RectangleCollider(
+            size=size, thickness=2 * deep, center=center, orientation=turned, **surface(rng, rubs)
+        )
+    walls: list[Collider] = [ground]
+    bounds: list[Collider] = []
+    pushed = bool(rng.random() < 0.4)
+    solid = str(rng.choice(["box", "pair", "mesh", "union", "cylinder", "cone"]))
+    speed = float(rng.uniform(0, 3))
+    for i, j in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+        made = standing(solid, rng, axes, turned, np.array((0.7 * i, 0, 0.7 * j)), deep, surface(rng, rubs))
+        if pushed and i == j == 1:
+            way = (0.2 * axes[:, 0]).tolist()
+            path = [f"{w} + {u!r}*sin({speed!r}*t)" for w, u in zip("xyz", way, strict=True)]
+            for each in made:
+                each.lead(Motion(collider="c", path=path).record(), None)
+        walls += made[:-1]
+        bounds += made[-1:]
+    world = SphereCollider(radius=WORLD, inside=True, **surface(rng, rubs))
+    return Scene([*walls, world], pushed, WORLD, False, bounds=tuple(bounds), floor=axes)
+
+
+def standing(
+    kind: str,
+    rng: np.random.Generator,
+    axes: NDArray[Any],
+    turned: Orientation,
+    at: NDArray[Any],
+    deep: float,
+    response: dict[str, Any],
+) -> list[Collider]:
+    """A solid, or two of them side by side, with the bottom on a floor through the origin with these axes; and last what is
+    as wide and reaches into the floor."""
+    wide, high = rng.uniform(0.3, 0.6), rng.uniform(0.1, 0.6)
+
+    def place(x: float, y: float) -> list[float]:
+        return list(map(float, axes @ (at + np.array((x, y, 0.0)))))
+
+    def box(x: float, width: float, low: float, made: type[Any] = BoxCollider, **more: Any) -> Any:
+        size = (width, high - low, wide)
+        return made(center=place(x, 0.5 * (low + high)), size=size, orientation=turned, **more)
+
+    if kind == "box":
+        return [box(0, wide, 0, **response), box(0, wide, -deep)]
+    if kind == "mesh":
+        high, middle = wide, place(0, 0.5 * wide)
+        cube = MeshCollider(path="cube.obj", scale=wide, origin=middle, orientation=turned, **response)
+        return [opened(cube), box(0, wide, -deep)]
+    half = 0.5 * wide
+    if kind == "pair":
+        sides = [box(x, half, 0, **response) for x in (-0.5 * half, 0.5 * half)]
+        return [*sides, box(0, wide, -deep)]
+    if kind == "union":
+        parts = tuple(box(x, half, 0, Box) for x in (-0.5 * half, 0.5 * half))
+        return [UnionCollider(of=parts, **response), box(0, wide, -deep)]
+    ends = {"start": place(0, 0), "end": place(0, high)}
+    under = place(0, -deep)
+    if kind == "cylinder":
+        lower = CylinderCollider(start=under, end=ends["end"], radius=half)
+        return [CylinderCollider(radius=half, **ends, **response), lower]
+    top = float(rng.uniform(0, 0.9)) * half
+    cone = ConeCollider(radius=half, end_radius=top, **ends, **response)
+    wider = half + (half - top) * deep / high
+    return [cone, ConeCollider(start=under, end=ends["end"], radius=wider, end_radius=top)]
+
+
 ROOMS = {"room": room, "sheets": sheets}
+SCENES = {**ROOMS, "floor": floor}
+ON_FLOOR = 0.15
+"""Of scenes whose names are not asked for, the part that is one of solids on a floor."""
 
 
 def about(name: str, rng: np.random.Generator, rubs: bool) -> Scene:
@@ -159,6 +256,12 @@ def start(
         x[near] *= 0.5
     direction = rng.normal(size=(particles, 3))
     direction[rng.random((particles, 3)) < 0.2] = 0
+    if scene.floor is not None:
+        along = rng.random(particles) < 0.7  # on the floor among the solids, and on along it
+        x[along] = rng.uniform(-1.2, 1.2, (int(along.sum()), 3))
+        x[along, 1] = radius
+        direction[along, 1] = 0
+        x, direction = x @ scene.floor.T, direction @ scene.floor.T
     # The faster, the fewer: at 10⁵ m/s a step has a thousand impacts.
     v = direction * 10.0 ** (8 * rng.power(0.5, (particles, 1)) - 3)
     v[rng.random(particles) < 0.2] = 0
@@ -187,10 +290,14 @@ def broken_rules(
     rng = np.random.default_rng([seed])
     rubs, radius = bool(rng.integers(2)), float(rng.choice([0.0, 0.05]))
     name = only or str(rng.choice([*ROOMS, *SHAPES]))
-    scene = ROOMS[name](rng, rubs) if name in ROOMS else about(name, rng, rubs)
+    if only is None and np.random.default_rng([seed, 7]).random() < ON_FLOOR:
+        name = "floor"
+    scene = SCENES[name](rng, rubs) if name in SCENES else about(name, rng, rubs)
     if name in CURVED:
         particles = max(particles // DEAR, 32)
     g = rng.normal(size=3) * float(rng.choice([0.0, 1.0, 9.8]))
+    if scene.floor is not None:  # mostly towards the floor
+        g = 0.3 * g - np.linalg.norm(g) * scene.floor[:, 1]
     h = float(10.0 ** rng.uniform(-4, -1.5))
     x, v = start(rng, scene, particles, radius)
     legal = gaps(scene, x, radius, 0.0) >= -4 * EPS
@@ -200,11 +307,11 @@ def broken_rules(
     if not len(x):
         return name, 0, []
     c = columns(x, v, radius=radius, method=method)
-    contacts = careful(
-        continuous=[each.record() for each in scene.colliders],
-        tolerance=16 * EPS,
-        reach=max(each.reach() for each in scene.colliders),
-    )
+    size = max(each.reach() for each in scene.colliders)
+    records = [each.record() for each in scene.colliders]
+    shapes = closed([each.shape for each in records], size, np.dtype(float))
+    records = [each._replace(shape=shape) for each, shape in zip(records, shapes, strict=True)]
+    contacts = careful(continuous=records, tolerance=16 * EPS, reach=size)
     costly = any(each.costly for each in scene.colliders)
     contacts = contacts._replace(one_by_one=() if costly else None)
     stepped = program(method, (Gravity(acceleration=g.tolist()).record(),), contacts)

@@ -24,6 +24,13 @@ def test_what_slides_on_a_sheet_does_not_pass_another_part_of_it() -> None:
     assert steps > 3e3
 
 
+def test_nothing_is_under_what_stands_on_a_floor() -> None:
+    # points, along a turned floor at up to 10⁵ m/s
+    _, steps, wrong = broken_rules(2, 1024, "floor")
+    assert wrong == []
+    assert steps > 1e4
+
+
 def test_nothing_is_inside_of_a_box_that_moves() -> None:
     # led and turned, with particles that slide over its edges
     _, steps, wrong = broken_rules(1004, 512, "box_upright")
