@@ -22,8 +22,8 @@ from particlesim.colliders.cone import ConeRecord
 from particlesim.colliders.cylinder import CylinderRecord
 from particlesim.colliders.gaps import gaps_of
 from particlesim.colliders.mesh import MeshRecord
-from particlesim.colliders.moving import MovingRecord, alight
-from particlesim.colliders.pose import ShiftedRecord, TurnedRecord
+from particlesim.colliders.moving import MovingRecord, frame_at
+from particlesim.colliders.pose import UNTURNED, ShiftedRecord, TurnedRecord, placed
 from particlesim.laws.registry import Particle, gap
 
 Floats = NDArray[np.float64]
@@ -43,8 +43,10 @@ ROUND = 16
 """The same along a circle."""
 FLAT, LARGE = 1e-9, 1e-3
 """By how much triangles in a plane may differ, and the part of the surface of a mesh that they have at least."""
-FEW = 2048
-"""Places that are looked at one by one; more of them are worth a kernel."""
+LOOKS = 16
+"""How often it is looked at colliders that move, whether they have come to touch others."""
+BY_ONE, FEW = 8, 2048
+"""As many places are looked at one by one rather than in halves; more than `FEW` are worth a kernel."""
 
 
 class Face(NamedTuple):
@@ -57,56 +59,132 @@ class Face(NamedTuple):
     beside: tuple[Any, ...] = ()
 
 
-def closed(shapes: Sequence[Any], size: float, dtype: np.dtype[Any]) -> list[Any]:
-    """Shapes as kernels take them, with those faces farther out that touch another one at the start; `size` is that of the
-    scene [m], whose numbers have a precision. What is covered by the other comes first; of two that only overlap, one is
-    enough."""
-    found = list(shapes)
-    if len(found) == 1 and isinstance(found[0], MeshRecord):
-        return found  # to look for its sides takes long
-    by, slack = (REACH if dtype.itemsize == 8 else REACH_SINGLE) * size, TOUCHING * size
-    partly = []
-    for k in range(len(found)):
-        parts = faces(found[k])
-        for j in range(len(parts)):
-            covered = _covered(found, k, parts[j], by, slack)
-            if len(covered) and covered.all():
-                found[k] = parts[j].out(by)[0]
-                parts = faces(found[k])
-            elif covered.any():
-                partly.append((k, j))
-    for k, j in partly:
-        face = faces(found[k])[j]
-        if _covered(found, k, face, by, slack).any():
-            found[k] = face.out(by)[0]
-    return found
+def closed(shapes: Sequence[Any], size: float, dtype: np.dtype[Any], until: float = 0.0) -> list[Any]:
+    """Shapes as kernels take them, with those faces farther out that touch another one; `size` is that of the scene [m],
+    whose numbers have a precision. Where one of them moves, it is looked at `LOOKS` times from the start `until` a time [s],
+    so that what comes to rest on another is found."""
+    if len(shapes) == 1 and isinstance(shapes[0], MeshRecord):
+        return list(shapes)  # to look for its sides takes long
+    scene = _Scene(shapes, (REACH if dtype.itemsize == 8 else REACH_SINGLE) * size, TOUCHING * size)
+    looks = LOOKS if until > 0 and any(scene.moves) else 0
+    for time in np.linspace(0, until, 1 + looks).tolist():
+        scene.close(time)
+    return scene.shapes
 
 
-def _covered(shapes: Sequence[Any], k: int, face: Face, by: float, slack: float) -> Any:
-    """Which places on a face of shape k others touch, of those that are on its surface."""
-    places, normals = face.places, face.normals
-    middle = places.mean(axis=0)
-    around = float(np.sqrt(((places - middle) ** 2).sum(axis=1).max())) + slack
-    covered = np.zeros(len(places), bool)
-    for other in (*shapes[:k], *shapes[k + 1 :], *face.beside):
-        if _gaps(other, middle[None])[0] <= around:
-            touches = np.abs(_gaps(other, places)) <= slack
-            touches[touches] = _gaps(other, places[touches] + by * normals[touches]) < -FACING * by
+class _Scene:
+    """Shapes, how far their faces are to reach into others, and what counts as touching [m]."""
+
+    def __init__(self, shapes: Sequence[Any], by: float, slack: float) -> None:
+        self.shapes, self.by, self.slack = list(shapes), by, slack
+        self.moves = [isinstance(each, MovingRecord) for each in shapes]
+        self._standing: list[Any] = []
+        self._faces: dict[int, tuple[Face, ...]] = {}
+        self._now: dict[int, tuple[Face, ...]] = {}
+
+    def close(self, time: float) -> None:
+        """Puts those faces farther out that touch another shape at a time; after the start, where one of both moves. What is
+        covered by the other comes first; of two that only overlap, one is enough."""
+        self._standing, self._now = [standing(each, time) for each in self.shapes], {}
+        partly = []
+        for k in range(len(self.shapes)):
+            near = self._near(k, time > 0)
+            for j in range(len(self._parts(k)) if near or time == 0 else 0):
+                covered = self._covered(k, j, near)
+                if len(covered) and covered.all():
+                    self._reach_out(k, j)
+                elif covered.any():
+                    partly.append((k, j, near))
+        for k, j, near in partly:
+            if self._covered(k, j, near).any():
+                self._reach_out(k, j)
+
+    def _parts(self, k: int) -> tuple[Face, ...]:
+        """The faces of a shape as it stands; of one that moves, they are looked for once."""
+        if k not in self._faces:
+            self._faces[k] = faces(self.shapes[k].shape if self.moves[k] else self.shapes[k])
+        if k not in self._now:
+            self._now[k] = posed(self._standing[k], self._faces[k]) if self.moves[k] else self._faces[k]
+        return self._now[k]
+
+    def _reach_out(self, k: int, j: int) -> None:
+        grown = self._standing[k] = self._parts(k)[j].out(self.by)[0]
+        self.shapes[k] = self.shapes[k]._replace(shape=grown.shape) if self.moves[k] else grown
+        del self._faces[k], self._now[k]
+
+    def _near(self, k: int, led: bool) -> list[Any]:
+        """The others that may touch some face of a shape; if one of both must be `led`, those."""
+        pairs = [j for j in range(len(self.shapes)) if j != k and (not led or self.moves[j] or self.moves[k])]
+        if not pairs or not self._parts(k):
+            return []
+        middle, around = _ball(np.concatenate([each.places for each in self._parts(k)]))
+        return [j for j in pairs if _gaps(self._standing[j], middle[None])[0] <= around + self.slack]
+
+    def _covered(self, k: int, j: int, near: Sequence[int]) -> Any:
+        """Which places on a face of a shape those near it touch, of those that are on its surface."""
+        face = self._parts(k)[j]
+        covered = np.zeros(len(face.places), bool)
+        for other in (*(self._standing[i] for i in near), *face.beside):
+            touches = _touched(other, face.places, self.slack)
+            ahead = face.places[touches] + self.by * face.normals[touches]
+            touches[touches] = _gaps(other, ahead) < -FACING * self.by
             covered |= touches
-    return covered[np.abs(_gaps(shapes[k], places)) <= slack] if covered.any() else covered
+        if not covered.any():
+            return covered
+        return covered[np.abs(_gaps(self._standing[k], face.places)) <= self.slack]
+
+
+def standing(shape: Any, time: float) -> Any:
+    """A shape as it stands in the world at a time; where a path has no value, nowhere."""
+    if not isinstance(shape, MovingRecord):
+        return shape
+    try:
+        with np.errstate(all="ignore"):
+            frame = frame_at(shape, np.float64(time), np.float64(0))
+    except (ArithmeticError, ValueError):  # from plain numbers: 1/x at x = 0
+        return placed(shape.shape, (math.nan, math.nan, math.nan))
+    rows = UNTURNED if frame.rows is None else frame.rows
+    pivot = np.array(frame[:3]) - np.array(rows) @ shape[1:4]
+    return placed(shape.shape, tuple(pivot.tolist()), rows)
+
+
+def _ball(places: Floats) -> tuple[Floats, float]:
+    """The middle of some places, and the radius about it in which they are [m]."""
+    middle = places.mean(axis=0)
+    return middle, float(np.sqrt(((places - middle) ** 2).sum(axis=1).max()))
+
+
+def _touched(shape: Any, places: Floats, slack: float) -> Any:
+    """Which places are on the surface of a shape: looked for in halves of halves, as most are far from it."""
+    if len(places) > FEW:
+        return np.abs(_gaps(shape, places)) <= slack
+    touches, parts = np.zeros(len(places), bool), [np.arange(len(places))]
+    while parts:
+        mine = parts.pop()
+        middle, around = _ball(places[mine])
+        if abs(_gaps(shape, middle[None])[0]) > around + slack:
+            continue
+        if len(mine) <= BY_ONE:
+            touches[mine] = np.abs(_gaps(shape, places[mine])) <= slack
+        else:
+            longest = np.ptp(places[mine], axis=0).argmax()
+            mine = mine[np.argsort(places[mine, longest], kind="stable")]
+            parts += [mine[: len(mine) // 2], mine[len(mine) // 2 :]]
+    return touches
 
 
 def _gaps(shape: Any, places: Floats) -> Floats:
-    """Gaps of points to a shape at the start [m], [n]; not a number where a formula has no value, which touches nothing."""
+    """Gaps of points to a shape at rest [m], [n]; not a number where a formula has no value, which touches nothing."""
     if len(places) > FEW:
         out = np.empty(len(places))
         x, y, z = np.ascontiguousarray(places.T)
         gaps_of(shape, x, y, z, np.zeros(len(places)), 0.0, out)
         return out
-    return np.array([_gap(shape, _point(*map(float, place))) for place in places])
+    return np.array([_gap(shape, *place) for place in places.tolist()])
 
 
-def _gap(shape: Any, p: Particle) -> float:
+def _gap(shape: Any, x: float, y: float, z: float) -> float:
+    p = Particle(x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     try:
         with np.errstate(all="ignore"):
             return float(gap(shape, p))
@@ -114,14 +192,9 @@ def _gap(shape: Any, p: Particle) -> float:
         return math.nan
 
 
-def _point(x: float, y: float, z: float) -> Particle:
-    """A particle of no size at the start."""
-    return Particle(x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-
-
 @functools.singledispatch
 def faces(shape: Any) -> tuple[Face, ...]:
-    """The parts of the surface of a shape that others may lie against; none of those that are round."""
+    """The parts of the surface of a shape at rest that others may lie against; none of those that are round."""
     return ()
 
 
@@ -237,31 +310,20 @@ def _(shape: Any) -> tuple[Face, ...]:
 @faces.register(ShiftedRecord)
 @faces.register(TurnedRecord)
 def _(shape: Any) -> tuple[Face, ...]:
+    return posed(shape, faces(shape.shape))
+
+
+def posed(shape: Any, parts: Sequence[Face]) -> tuple[Face, ...]:
+    """Faces of what is shifted or turned, in the world."""
     rows = np.array(shape[3:12]).reshape(3, 3) if isinstance(shape, TurnedRecord) else np.eye(3)
     found = []
-    for face in faces(shape.shape):
+    for face in parts:
 
         def out(by: float, face: Face = face) -> tuple[Any, Floats]:
             grown, shift = face.out(by)
             x, y, z = (np.array(shape[:3]) + rows @ shift).tolist()
             return shape._replace(x=x, y=y, z=z, shape=grown), np.zeros(3)
 
-        found.append(Face(face.places @ rows.T + np.array(shape[:3]), face.normals @ rows.T, out))
-    return tuple(found)
-
-
-@faces.register
-def _(shape: MovingRecord) -> tuple[Face, ...]:
-    found = []
-    for face in faces(shape.shape):
-
-        def out(by: float, face: Face = face) -> tuple[Any, Floats]:
-            return shape._replace(shape=face.out(by)[0]), np.zeros(3)
-
-        def in_world(places: Floats) -> Floats:
-            return np.array([alight(shape, _point(*map(float, place)))[:3] for place in places])
-
-        places = in_world(face.places)
         beside = tuple(shape._replace(shape=each) for each in face.beside)
-        found.append(Face(places, in_world(face.places + face.normals) - places, out, beside))
+        found.append(Face(face.places @ rows.T + np.array(shape[:3]), face.normals @ rows.T, out, beside))
     return tuple(found)

@@ -70,6 +70,8 @@ class Island:
     constraints: tuple[RodSet, ...] = ()
     heard: tuple[tuple[int | None, ...], ...] = ()
     """For every group and each of its colliders the number under which an emitter hears of impacts, None where none does."""
+    duration: float = 0.0
+    """How long the run is [s]."""
 
     @property
     def coupled(self) -> bool:
@@ -287,6 +289,7 @@ def _islands(scenario: Scenario) -> tuple[Island, ...]:
                     )
                     for g in groups
                 ),
+                scenario.grid.duration,
             )
         )
     return tuple(islands)

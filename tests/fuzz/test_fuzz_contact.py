@@ -59,6 +59,8 @@ def test_nothing_is_inside_of_a_box_that_moves() -> None:
         pytest.param(2615, 65536, None, [48509, 48973, 50755], id="wall at the end of a crease"),
         # stops in a curved crease, 38 nm higher than its energy reaches
         pytest.param(7171, 65536, None, [7084], id="stop in a curved crease"),
+        # stops between a floor and the upright edge of a box, of which two stand side by side
+        pytest.param(106, 65536, "floor", [8084, 38486], id="stop around an edge"),
     ],
 )
 def test_what_the_fuzz_has_found_once(seed: int, particles: int, scene: str | None, among: list[int]) -> None:

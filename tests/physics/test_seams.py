@@ -228,3 +228,38 @@ def test_points_dropped_on_the_line_where_two_boxes_touch_do_not_fall_through(ti
     assert np.abs(places[:, :, 0]).max() < 1e-11
     assert places[-1, :, 2] == pytest.approx(x[:, 2] + 0.6 * v[:, 2], abs=1e-9)
     assert speeds[-1, :, 2] == pytest.approx(v[:, 2], rel=1e-12)
+
+
+@pytest.mark.parametrize("which", ["gate", "lift"])
+def test_points_rebound_from_a_gate_that_has_come_down(which: str) -> None:
+    """It is 0.1 m above the floor at first, or the floor below it, and lies on it from 0.1 s on, exactly. What is there
+    later rebounds."""
+    n, h, steps = 60, 0.01, 100
+    x = RNG.uniform(0, 1.2, n)
+    v = (1.5 - x) / RNG.uniform(0.2, 1.5, n)
+    zero = np.zeros(n)
+    gate = {**BLOCK, "name": "gate", "center": [2, 0.35, 0] if which == "gate" else [2, 0.25, 0]}
+    wide = {"type": "box", "size": [40, 1, 9], "restitution": 0.0, "name": "floor"}
+    floor = {**wide, "center": [0, -0.5 if which == "gate" else -0.6, 0]}
+    path = "max(y - t, 0.25)" if which == "gate" else "min(y + t, -0.5)"
+    places, _ = way(
+        steps,
+        steps * h,
+        h,
+        "velocity_verlet",
+        particles=[
+            points(
+                *np.stack([x, zero if which == "gate" else zero - 0.1, zero], axis=1).tolist(),
+                velocity=np.stack([v, zero, zero], axis=1).tolist(),
+                radius=0.0,
+                mass=1.0,
+            )
+        ],
+        forces=GRAVITY,
+        colliders=[{**gate, "restitution": 0.5}, floor],
+        motions=[{"collider": "gate" if which == "gate" else "floor", "path": ["x", path, "z"]}],
+    )
+    after = np.maximum(steps * h - (1.5 - x) / v, 0)
+    ends = np.where(after > 0, 1.5 - 0.5 * v * after, x + v * steps * h)
+    assert np.abs(places[-1, :, 1]).max() < 1e-9
+    assert np.abs(places[-1, :, 0] - ends).max() < 1e-8

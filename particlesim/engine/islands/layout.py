@@ -212,12 +212,17 @@ def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...
         if island.touched_softly(group.name):
             bouncing = [each for each in colliders if each.contact == "bounce"]
             colliders = tuple(each for each in colliders if each.contact != "bounce")
-            cores = contacts_record(bouncing, group, dtype, few=SOME, turning=pulled) if bouncing else None
+            if bouncing:
+                cores = contacts_record(
+                    bouncing, group, dtype, few=SOME, turning=pulled, until=island.duration
+                )
         forces = tuple(force.record() for force in island.forces[k])
         turns = island.spins(group.name) and any(each.rubs for each in colliders)
         rubbing = tuple(each.record() for each in colliders) if turns else ()
         numbers = [heard.get(id(each)) for each in colliders]
-        contacts = contacts_record(colliders, group, dtype, numbers, smooth=turns, turning=pulled)
+        contacts = contacts_record(
+            colliders, group, dtype, numbers, smooth=turns, turning=pulled, until=island.duration
+        )
         part = Part(dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores, rubbing)
         parts.append(as_precision(part, dtype))
     return tuple(parts)

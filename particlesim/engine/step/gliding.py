@@ -100,6 +100,8 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
             if on[k] & on[j] & (not found):
                 crept, bend, presses = _between_two(c, d, p, q, h, contacts.tolerance)
                 if presses and not _sunk(contacts.continuous, on, p, crept, slack):
+                    if crossable(c) or crossable(d):  # a curved crease, where a stop may be too high
+                        crept = no_faster(contacts.continuous, p, q, crept, h, contacts.tolerance, slack)
                     r, turn, found = crept, bend, True
     if not found:
         sweeps = 0

@@ -60,12 +60,13 @@ def contacts_record(
     few: int = FEW,
     turning: bool = False,
     even: bool = False,
+    until: float = 0.0,
 ) -> Simple | Careful:
     """What the particles of a group may touch, in the simplest form that is right. `heard` are the numbers of those to whose
     impacts emitters react, None for others; none unless given. `smooth`: without friction. `few`: how many colliders that
     are not planes are met in vectors at most; where there are more, each particle near them is looked at by itself.
     `turning`: forces depend on the place, and may turn along the way of what lies on a collider. `even`: they do not, and
-    velocities are those of the places, or known to be late."""
+    velocities are those of the places, or known to be late. `until`: how long colliders move [s]."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
         bounds = (edge(*group.die.outside),)
@@ -76,7 +77,8 @@ def contacts_record(
     hard = [each for each in colliders if inert or not each.soft]
     reach = max((each.reach() for each in hard), default=0.0)
     firm = [id(each) for each in hard if each.detection == "continuous" and not inert]
-    for key, shape in zip(firm, closed([records[key].shape for key in firm], reach, dtype), strict=True):
+    shapes = closed([records[key].shape for key in firm], reach, dtype, until)
+    for key, shape in zip(firm, shapes, strict=True):
         records[key] = records[key]._replace(shape=shape)
     if inert or smooth:
         records = {key: without_friction(each) for key, each in records.items()}
@@ -161,6 +163,7 @@ def group_program(
             few=SOME if island.method.memory else FEW,
             turning=any(force.by_place for force in forces),
             even=not any(force.by_place for force in forces),
+            until=island.duration,
         ),
     )
     return as_precision(program, dtype)
