@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from contract.cases import opened
 from numpy.typing import NDArray
-from simulate import EPS, G, points
+from simulate import EPS, G, points, way
 from support import careful, columns, position, program, run, velocity
 
 import particlesim as ps
@@ -294,3 +294,23 @@ def test_rest_in_a_crease_takes_a_few_looks(tmp_path: Path, monkeypatch: pytest.
     np.testing.assert_array_equal(velocity(c), 0)
     assert asked[0] - hopped < 20 * 20
     assert hopped < 30_000
+
+
+def test_marbles_that_slide_over_facets_do_not_stop() -> None:
+    """They touch a facet and, rolling over its edge, leave it a moment later. What was taken to lie for a time, and flies in
+    that time, had flown no farther, 1024 times, and then it was taken to be caught: 15 % of these stopped at 2.7 m/s."""
+    n, h = 200, 0.002
+    x = np.array([0.8361597801000934, 1.1066848052978584, 0.11864295745614505])
+    v = np.array([1.9091152843645032, -0.2517561221929138, -1.8803045794561182])
+    places = x + 5e-5 * v * np.random.default_rng(1).uniform(-1, 1, (n, 1))
+    track = Path(__file__).resolve().parents[2] / "scenarios" / "marble_run.ply"
+    _, speeds = way(
+        1,
+        h,
+        h,
+        "velocity_verlet",
+        particles=[points(*places.tolist(), velocity=[v.tolist()] * n, radius=0.012, mass=1.0)],
+        forces=[{"type": "gravity", "acceleration": [0, -G, 0]}],
+        colliders=[{"type": "mesh", "path": str(track), "restitution": 0.3}],
+    )
+    assert np.linalg.norm(speeds[-1] - v, axis=1).max() < 2 * G * h

@@ -125,6 +125,10 @@ def stretch(
             length = turn * length if shorter < MAX_SWEEPS else type_of(left, 0.5) * turn * length
             q, after, on, turn = glide(method, dynamics, forces, contacts, p, length, memory, calm)
             shorter += 1
+        if not any(on):
+            # It flies, which no other part ends: what is in its way it meets.
+            length = left
+            q, after, on, turn = glide(method, dynamics, forces, contacts, p, left, memory, LIVELY)
     stuck = whole and turn < 1 and _parts(contacts.continuous, on)
     if stuck:
         zero = left - left
