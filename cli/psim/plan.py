@@ -39,7 +39,7 @@ def plan(
     from particlesim.preflight.resources import check_fits, needs
 
     required = needs(scenario)
-    if not look and (scenario.colliders or scenario.bodies):
+    if not look and (scenario.colliders or scenario.bodies or scenario.motions):
         from particlesim.scenario.open_colliders import open_colliders
 
         open_colliders(scenario)  # their files are read by a first look, too

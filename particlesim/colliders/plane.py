@@ -1,7 +1,7 @@
 """Planes: half-spaces that particles stay out of.
 
 Gap g = n·x − n·p − r for a particle of radius r. Planes whose normal is an axis have records of their own: the two other
-components then drop out of the compiled loop.
+components then drop out of the compiled loop. One that moves, which may come to what rests, is searched for along the way.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import ClassVar, Literal, NamedTuple
 from pydantic import field_validator
 
 from particlesim.colliders.base import Collider
+from particlesim.colliders.solid import is_convex
 from particlesim.laws.registry import KILL, Particle, Vector, gap, law, normal, surface
 from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
@@ -45,6 +46,13 @@ class Plane(Collider):
                 return kind(side, side * self.point[axis])
         return PlaneRecord(*normal, dot(normal, self.point))
 
+    def moved_shape(self) -> HalfSpaceRecord:
+        normal = unit(self.normal)
+        return HalfSpaceRecord(*normal, dot(normal, self.point))
+
+    def pivot(self) -> tuple[float, float, float]:
+        return self.point
+
     def reach(self) -> float:
         """Nothing: a plane is as far from the origin as the particles on it."""
         return 0.0
@@ -62,6 +70,15 @@ class PlaneCollider(Plane):
 
 class PlaneRecord(NamedTuple):
     """Any plane: unit normal, n·p."""
+
+    nx: float
+    ny: float
+    nz: float
+    offset: float
+
+
+class HalfSpaceRecord(NamedTuple):
+    """A plane that may be searched for along a way: unit normal, n·p."""
 
     nx: float
     ny: float
@@ -94,7 +111,8 @@ AnyPlaneRecord = PlaneRecord | PlaneXRecord | PlaneYRecord | PlaneZRecord
 
 
 @law(gap, PlaneRecord)
-def plane_gap(c: PlaneRecord, p: Particle) -> float:
+@law(gap, HalfSpaceRecord)
+def plane_gap(c: PlaneRecord | HalfSpaceRecord, p: Particle) -> float:
     return p.x * c.nx + p.y * c.ny + p.z * c.nz - c.offset - p.r
 
 
@@ -114,7 +132,8 @@ def plane_z_gap(c: PlaneZRecord, p: Particle) -> float:
 
 
 @law(normal, PlaneRecord)
-def plane_normal(c: PlaneRecord, p: Particle) -> Vector:
+@law(normal, HalfSpaceRecord)
+def plane_normal(c: PlaneRecord | HalfSpaceRecord, p: Particle) -> Vector:
     return c.nx, c.ny, c.nz
 
 
@@ -146,3 +165,6 @@ def plane_y_surface(c: PlaneYRecord, p: Particle) -> Vector:
 @law(surface, PlaneZRecord)
 def plane_z_surface(c: PlaneZRecord, p: Particle) -> Vector:
     return p.x, p.y, c.side * (c.offset + p.r)
+
+
+is_convex(HalfSpaceRecord)

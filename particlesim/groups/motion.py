@@ -64,8 +64,8 @@ class Motion(Model):
     on: Name | None = None
     """The group."""
     collider: Name | None = None
-    """Instead of a group: the name of the collider that moves. Its path is that of its center, the middle of its axis, or
-    the origin of its file. Particles feel the velocity of its surface."""
+    """Instead of a group: the name of the collider that moves. Its path is that of its center, the middle of its axis, the
+    origin of its file, or the point of a plane. Particles feel the velocity of its surface."""
     spin: Spin | None = None
     """A turn of the collider, about an axis through that place. It may take the place of a path, or come with it."""
     particles: Selection | None = None

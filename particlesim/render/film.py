@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.colliders import Collider, Plane
 from particlesim.colliders.moving import frame_at
@@ -99,8 +100,8 @@ def look_of(scenario: Scenario) -> RenderSettings:
 
 
 def plane_shapes(scenario: Scenario) -> tuple[PlaneShape, ...]:
-    """The planes of a scenario as the renderer takes them."""
-    planes = (each for each in scenario.all_colliders if isinstance(each, Plane))
+    """The planes at rest of a scenario as the renderer takes them."""
+    planes = (each for each in scenario.all_colliders if isinstance(each, Plane) and each.motion is None)
     return tuple(PlaneShape(plane.point, unit(plane.normal)) for plane in planes)
 
 
@@ -111,9 +112,14 @@ def ball_shapes(scenario: Scenario) -> tuple[BallShape, ...]:
 
 
 def mesh_shapes(scenario: Scenario) -> tuple[MeshShape, ...]:
-    """All other shapes among the colliders: containers and all but balls; surfaces of fluids; and rigid bodies."""
+    """All other shapes among the colliders: containers and all but balls; planes that move, as squares of two metres;
+    surfaces of fluids; and rigid bodies."""
     opacity = scenario.render.opacity
     shapes = []
+    for each in scenario.all_colliders:
+        if isinstance(each, Plane) and each.motion is not None:
+            corners, faces = _square(unit(each.normal))
+            shapes.append(MeshShape(corners, faces, False, functools.partial(_pose, each)))
     for each in scenario.colliders:
         hollow = bool(getattr(each, "inside", False))
         if isinstance(each, Solid) and not _is_ball(each, scenario):
@@ -138,10 +144,14 @@ def _water(buoyancy: Buoyancy) -> MeshShape:
     """The surface of a fluid, a square of two metres."""
     x, y, z = buoyancy.acceleration
     up = unit((-x, -y, -z))
+    corners, faces = _square(up)
+    return MeshShape(corners + (buoyancy.surface or 0.0) * np.array(up), faces, fluid=True, opacity=CLEAR)
+
+
+def _square(up: tuple[float, float, float]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Corners and triangles of a square of two metres about the origin, with its front along a unit vector."""
     u, v = (np.array(each) for each in perpendicular(up))
-    place = (buoyancy.surface or 0.0) * np.array(up)
-    corners = np.array([place + u - v, place + u + v, place - u + v, place - u - v])
-    return MeshShape(corners, np.array([[0, 1, 2], [0, 2, 3]]), fluid=True, opacity=CLEAR)
+    return np.array([u - v, u + v, v - u, -u - v]), np.array([[0, 1, 2], [0, 2, 3]])
 
 
 def _is_ball(collider: Collider, scenario: Scenario) -> TypeGuard[SphereCollider]:

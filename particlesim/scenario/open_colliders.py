@@ -18,6 +18,7 @@ from particlesim.layouts.mesh_formats import read_triangles
 from particlesim.model.mistakes import Invalid
 from particlesim.model.mistakes import Path as Place
 from particlesim.model.spelling import did_you_mean
+from particlesim.scenario.reach import collider_tables
 from particlesim.scenario.rules.walls import common_place
 
 if TYPE_CHECKING:
@@ -40,13 +41,13 @@ def open_colliders(scenario: Scenario) -> None:
     ResourceError where this machine has too little memory, which is no mistake of the scenario.
     """
     led = {motion.collider: k for k, motion in enumerate(scenario.motions) if motion.collider is not None}
-    for k, collider in enumerate(scenario.colliders):
+    for stated, collider in collider_tables(scenario):
         by = led.get(collider.name or "")
         if by is not None:
             motion = scenario.motions[by]
             path = None if motion.path is None and motion.waypoints is None else motion.record()
             collider.lead(path, None if motion.spin is None else motion.spin.record())
-        for where, solid in files_in(collider, ("colliders", k)):
+        for where, solid in files_in(collider, stated):
             if not solid.is_open:
                 _open(scenario, where, solid)
         if by is not None and (wrong := undefined(motion, collider.body(), 0.0)) is not None:

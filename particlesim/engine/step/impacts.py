@@ -50,7 +50,6 @@ from particlesim.engine.step.lateness import (
     leaps,
     on_time,
     parabola,
-    slowed,
     taken_off,
 )
 from particlesim.engine.step.lying import settled_one
@@ -187,7 +186,8 @@ def _on_time(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: 
     elif ends != ENDED:
         late = delayed(method, forces, q, h)
         if not lies:
-            q = slowed(q, late) if ends == LYING else late
+            back, _ = along_contacts(contacts, q, _change(q, late), True)
+            q = hastened(q, back) if ends == LYING else late
         elif ends == FLYING and not isinstance(method, BentRecord):
             q = taken_off(q, late)
     return q, after, outcome, hit, exhausted, legal, _struck(ends, alone or lies), ends, alone and not lies

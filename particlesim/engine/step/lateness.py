@@ -65,14 +65,6 @@ def delayed(method: Any, forces: Any, q: Any, h: Any) -> Any:
     return q if isinstance(method, VerletRecord) else kick(type_of(h, -0.5), forces, q, h)
 
 
-def slowed(q: Any, late: Any) -> Any:
-    """A particle that has come to lie on something, with the part along its velocity of that which is `delayed`, down to 0:
-    across it contact cancels what forces change. It is at most twice as fast: along a velocity that is nothing but a
-    rounding error forces would give it one."""
-    k = min(max(_part_along(q, late), q.x - q.x), type_of(q.x, 2))
-    return moved_to(q, q.x, q.y, q.z, k * q.vx, k * q.vy, k * q.vz, q.t)
-
-
 def taken_off(q: Any, late: Any) -> Any:
     """A particle that has left what it lay on, with the other part: along its way it has been late there, too."""
     k = type_of(q.x, 1) - _part_along(q, late)

@@ -24,7 +24,7 @@ import numpy as np
 
 from particlesim.colliders.box import BoxRecord
 from particlesim.colliders.dents import dented
-from particlesim.colliders.plane import PlaneRecord
+from particlesim.colliders.plane import HalfSpaceRecord, PlaneRecord
 from particlesim.colliders.pose import ShiftedRecord, TurnedRecord
 from particlesim.colliders.response import (
     ColliderRecord,
@@ -149,7 +149,7 @@ def sunk(c: Any, p: Any, start: Any, up: Any, q: Any) -> Any:
 
 def bends(c: Any) -> bool:
     """Whether the surface of a collider may bend smoothly under what lies on it."""
-    return not isinstance(c.shape, (PlaneRecord, *ALONG_AXES)) and c.response.belt is None
+    return not isinstance(c.shape, (PlaneRecord, HalfSpaceRecord, *ALONG_AXES)) and c.response.belt is None
 
 
 def turns(c: Any) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from particlesim.colliders import Plane
 from particlesim.emitters import Schedule
 from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid, Path
@@ -105,14 +104,7 @@ def led_colliders(scenario: Tables) -> Iterator[Invalid]:
             )
             continue
         path, collider = named[motion.collider]
-        if isinstance(collider, Plane):
-            yield Invalid(
-                "a plane is infinite and cannot be moved",
-                here,
-                ((path, "here"),),
-                hint="a box or a rectangle does",
-            )
-        elif collider.contact == "stick":
+        if collider.contact == "stick":
             yield Invalid(
                 "particles that stick to a collider stay where they are, and a moving collider would leave them behind",
                 here,

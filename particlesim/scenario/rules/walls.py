@@ -35,9 +35,12 @@ for more: half a second."""
 
 
 def room(scenario: Tables) -> Iterator[Invalid]:
-    """Two planes that face each other and hold the same particles leave room for them."""
+    """Two planes at rest that face each other and hold the same particles leave room for them."""
+    led = _led(scenario)
     planes: list[tuple[Path, Plane]] = [
-        (path, each) for path, each in collider_tables(scenario) if isinstance(each, Plane)
+        (path, each)
+        for path, each in collider_tables(scenario)
+        if isinstance(each, Plane) and each.name not in led
     ]
     for k, (path, one) in enumerate(planes):
         for other_path, other in planes[:k]:
@@ -69,6 +72,11 @@ def room(scenario: Tables) -> Iterator[Invalid]:
                     )
 
 
+def _led(scenario: Tables) -> set[str | None]:
+    """The names of colliders that move; None, that of others, is none."""
+    return {motion.collider for motion in scenario.motions if motion.collider is not None}
+
+
 def _may_be_pinned(group: Group) -> bool:
     """Whether colliders may have nothing to do with some particles of a group, which never move."""
     return isinstance(group, Particles) and group.pinned is not False
@@ -82,11 +90,11 @@ def _lets_in(collider: Collider) -> bool:
 def common_place(scenario: Tables) -> Iterator[Invalid]:
     """There is a place for the smallest particle of each group between all the walls at rest that hold it: planes,
     containers and solids, of those in files the ones that have been read."""
-    led = {motion.collider for motion in scenario.motions if motion.collider is not None}
+    led = _led(scenario)
     still = [
         _Wall(path, each)
         for path, each in collider_tables(scenario)
-        if (each.name is None or each.name not in led) and all(solid.is_open for _, solid in files_in(each))
+        if each.name not in led and all(solid.is_open for _, solid in files_in(each))
     ]
     told: set[tuple[Path, ...]] = set()
     known: dict[
