@@ -1,6 +1,6 @@
 """What particles collide with.
 
-To add a shape, write its file and add a line to `COLLIDERS`, and one to `SOLIDS` if it has an inside.
+To add a shape, write its file and add a line to `COLLIDERS`, and one to `_SOLIDS` if it has an inside.
 """
 
 from __future__ import annotations
@@ -34,23 +34,34 @@ COLLIDERS = Family[Collider](
     difference="combination.DifferenceCollider",
 )
 
-SOLIDS: Family[Solid] = Family(
+_SOLIDS = {
+    "plane": "half_space.HalfSpace",
+    "sphere": "sphere.Sphere",
+    "box": "box.Box",
+    "capsule": "capsule.Capsule",
+    "cylinder": "cylinder.Cylinder",
+    "cone": "cone.Cone",
+    "torus": "torus.Torus",
+    "mesh": "mesh.Mesh",
+    "height_field": "height_field.HeightField",
+    "distance_grid": "distance_grid.DistanceGrid",
+    "formula": "formula.Formula",
+}
+
+SOLIDS: Family[Solid] = Family("particlesim.colliders", **_SOLIDS)
+"""What unions, intersections and differences are made of that are parts of others."""
+
+COMPONENTS: Family[Solid] = Family(
     "particlesim.colliders",
-    sphere="sphere.Sphere",
-    box="box.Box",
-    capsule="capsule.Capsule",
-    cylinder="cylinder.Cylinder",
-    cone="cone.Cone",
-    torus="torus.Torus",
-    mesh="mesh.Mesh",
-    height_field="height_field.HeightField",
-    distance_grid="distance_grid.DistanceGrid",
-    formula="formula.Formula",
+    **_SOLIDS,
+    union="combination.Union",
+    intersection="combination.Intersection",
+    difference="combination.Difference",
 )
-"""What unions, intersections and differences are made of."""
+"""What colliders are made of that are put together: solids, and what is put together of solids."""
 
 AnyCollider = Annotated[Collider, Tagged("type", COLLIDERS)]
 
 __getattr__ = COLLIDERS.by_name
 
-__all__ = ["COLLIDERS", "SOLIDS", "AnyCollider", "Collider", "Plane"]
+__all__ = ["COLLIDERS", "COMPONENTS", "SOLIDS", "AnyCollider", "Collider", "Plane"]

@@ -17,9 +17,10 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from particlesim.colliders import SOLIDS
+from particlesim.colliders import COMPONENTS, SOLIDS
 from particlesim.colliders.emptiness import surely_apart
 from particlesim.colliders.gaps import gaps_of
+from particlesim.colliders.half_space import HalfSpace
 from particlesim.colliders.solid import PARTS, HollowConvexRecord, HollowRecord, Solid, SolidCollider
 from particlesim.colliders.triangulation import Triangles, clipped, joined, without_slivers
 from particlesim.colliders.way import lipschitz_apart, marched_contact
@@ -40,13 +41,14 @@ from particlesim.model.mistakes import invalid
 from particlesim.model.variants import Tagged
 
 AnySolid = Annotated[Solid, Tagged("type", SOLIDS)]
+AnyPart = Annotated[Solid, Tagged("type", COMPONENTS)]
 
 SHARP, ROUNDED, MOST_ENDS = 0.7, 1e-9, 64
 """How much too early balls may meet the edges of cuts, in radii: these are sharp, at a right angle it is 0.41, at 72° 0.7.
 What of the size of a solid is taken for rounding. How many places are looked at to see how much too early balls touch."""
 BLUNT = 0.45
 """The same for edges that stand into a union: 0.41 at a right angle."""
-FINE = 64
+FINE = 128
 """Triangles of a cut surface along the longest side of a part, at least."""
 
 
@@ -58,11 +60,28 @@ class Combination(Solid):
     of: tuple[AnySolid, ...] = Field(min_length=2)
     """The solids: tables with a type and the keys of that shape."""
 
+    @model_validator(mode="after")
+    def _ends(self) -> Combination:
+        if all(isinstance(part, HalfSpace) for part in self.of):
+            raise invalid(
+                "planes alone have no end",
+                at=("of",),
+                allowed="at least one solid that has",
+                hint="several [[planes]] hold particles back on their own",
+            )
+        return self
+
     def grain(self) -> float:
         return min(part.grain() for part in self.of)
 
     def farthest(self) -> float:
         return max(part.farthest() for part in self.of)
+
+    def surface_of(self, part: Solid) -> Triangles:
+        """The surface of a part, without walls in it; of a plane, what there is about all others."""
+        if isinstance(part, HalfSpace):
+            return part.within(self.farthest())
+        return part.walls() if isinstance(part, Union) else part.triangles()
 
     def words(self) -> str:
         return listed(self.of)
@@ -76,14 +95,26 @@ class Combination(Solid):
         shapes = self.whole()
         found = []
         for k, part in enumerate(self.of):
-            surface = part.triangles()
-            hollow = isinstance(shapes[k], HollowRecord | HollowConvexRecord)
+            surface = self.surface_of(part)
+            hollow = k > 0 and isinstance(self, Difference)
             longest = float(np.ptp(surface.corners, axis=0).max()) / FINE
             for other in (*shapes[:k], *shapes[k + 1 :]):
                 surface = clipped(surface, functools.partial(distances, other), longest)
             surface = without_slivers(surface)
             found.append(Triangles(surface.corners, surface.faces[:, ::-1]) if hollow else surface)
         return joined(found)
+
+
+def _outside_of(part: Solid) -> Any:
+    """What is not in a solid, as kernels take it."""
+    if isinstance(part, HalfSpace):
+        return part.outside()
+    return (HollowConvexRecord if part.convex else HollowRecord)(part.geometry(), part.grain())
+
+
+def _least_reach(parts: Sequence[Solid]) -> float:
+    """The largest coordinate [m] that a place in all of some solids may have."""
+    return min(part.farthest() for part in parts if not isinstance(part, HalfSpace))
 
 
 def listed(parts: Sequence[Solid]) -> str:
@@ -116,7 +147,19 @@ class Union(Combination):
         return UnionRecord(tuple(part.geometry() for part in self.of), self.grain())
 
     def triangles(self) -> Triangles:
-        return joined([part.triangles() for part in self.of])  # what lies inside of another is not seen
+        return joined([self.surface_of(part) for part in self.of])  # what lies inside of another is not seen
+
+    def walls(self) -> Triangles:
+        """Of each part what lies outside of all the others."""
+        shapes, found = [part.geometry() for part in self.of], []
+        for k, part in enumerate(self.of):
+            surface = self.surface_of(part)
+            longest = float(np.ptp(surface.corners, axis=0).max()) / FINE
+            for other in (*shapes[:k], *shapes[k + 1 :]):
+                outside = HollowRecord(other, self.grain())
+                surface = clipped(surface, functools.partial(distances, outside), longest)
+            found.append(without_slivers(surface))
+        return joined(found)
 
 
 class UnionCollider(Union, SolidCollider):
@@ -124,34 +167,26 @@ class UnionCollider(Union, SolidCollider):
 
     costly: ClassVar[bool] = True
 
+    of: tuple[AnyPart, ...] = Field(min_length=2)
+    """The solids: tables with a type and the keys of that shape. A plane is all that is behind it; a part may itself be put
+    together, of solids that are not."""
+
     def early(self, radius: float) -> float:
         """As a container it is as deep as the deepest of its parts. Where a ball goes from one to another it meets the ends
         of both, which are no walls, unless they overlap by its diameter."""
         if not self.inside or not are_exact(self.of):
             return 0.0
         shapes = [part.geometry() for part in self.of]
-        places = np.concatenate([_under(part.triangles(), radius) for part in self.of])
+        places = np.concatenate([_under(self.surface_of(part), radius) for part in self.of])
         deep = -np.min([distances(shape, places) for shape in shapes], axis=0)
         places, deep = places[(deep > 0) & (deep < radius)], deep[(deep > 0) & (deep < radius)]
-        walls = self._walls(shapes)
+        walls = self.walls()
         if not len(places) or not len(walls.faces):
             return 0.0
         few = np.linspace(0, len(places) - 1, min(len(places), 4 * MOST_ENDS)).astype(int)
         room = np.minimum(_distances_to(walls, places[few]), radius)
         most = float((room - deep[few]).max())
         return most if most > BLUNT * radius + ROUNDED * self.farthest() else 0.0
-
-    def _walls(self, shapes: Sequence[Any]) -> Triangles:
-        """Of each part what lies outside of all the others."""
-        found = []
-        for k, part in enumerate(self.of):
-            surface = part.triangles()
-            longest = float(np.ptp(surface.corners, axis=0).max()) / FINE
-            for other in (*shapes[:k], *shapes[k + 1 :]):
-                outside = HollowRecord(other, self.grain())
-                surface = clipped(surface, functools.partial(distances, outside), longest)
-            found.append(without_slivers(surface))
-        return joined(found)
 
     def early_where(self, radius: float) -> str:
         return (
@@ -169,7 +204,7 @@ class Intersection(Combination):
 
     @model_validator(mode="after")
     def _holds_something(self) -> Intersection:
-        if are_exact(self.of) and surely_apart(self.whole(), min(part.farthest() for part in self.of)):
+        if are_exact(self.of) and surely_apart(self.whole(), _least_reach(self.of)):
             raise invalid(
                 f"{listed(self.of)} have nothing in common",
                 at=("of",),
@@ -190,6 +225,10 @@ class IntersectionCollider(Intersection, SolidCollider):
 
     costly: ClassVar[bool] = True
 
+    of: tuple[AnyPart, ...] = Field(min_length=2)
+    """The solids: tables with a type and the keys of that shape. A plane is all that is behind it; a part may itself be put
+    together, of solids that are not."""
+
 
 class Difference(Combination):
     """The first solid without the others."""
@@ -201,6 +240,8 @@ class Difference(Combination):
     @model_validator(mode="after")
     def _leaves_something(self) -> Difference:
         first, *others = self.of
+        if isinstance(first, HalfSpace):
+            return self  # which has no end
         if are_exact(self.of) and surely_apart(self.whole(), first.farthest()):
             raise invalid(
                 f"nothing is left of a {first.kind} without {listed(others)}",
@@ -213,10 +254,7 @@ class Difference(Combination):
         first, *others = self.of
         return (
             first.geometry(),
-            *(
-                (HollowConvexRecord if part.convex else HollowRecord)(part.geometry(), part.grain())
-                for part in others
-            ),
+            *(_outside_of(part) for part in others),
         )
 
     def geometry(self) -> Any:
@@ -232,13 +270,17 @@ class DifferenceCollider(Difference, SolidCollider):
 
     costly: ClassVar[bool] = True
 
+    of: tuple[AnyPart, ...] = Field(min_length=2)
+    """The solids: tables with a type and the keys of that shape. A plane is all that is behind it; a part may itself be put
+    together, of solids that are not."""
+
     def early(self, radius: float) -> float:
         """What is taken off also ends outside of the first solid, where no surface is. Balls meet those ends where they are
         nearer than a diameter to it."""
         if self.inside or not are_exact(self.of):
             return 0.0
         first, *_ = shapes = self.whole()
-        ends = np.concatenate([_under(part.triangles(), radius) for part in self.of[1:]])
+        ends = np.concatenate([_under(self.surface_of(part), radius) for part in self.of[1:]])
         ends = ends[distances(first, ends) < radius]
         seen = np.max([distances(shape, ends) for shape in shapes], axis=0)
         ends, seen = ends[seen < radius], seen[seen < radius]
@@ -259,7 +301,7 @@ class DifferenceCollider(Difference, SolidCollider):
         first, *others = self.of
         for k, other in enumerate(others, start=1):
             pair = (first, other)
-            if are_exact(pair) and surely_apart([part.geometry() for part in pair], first.farthest()):
+            if are_exact(pair) and surely_apart([part.geometry() for part in pair], _least_reach(pair)):
                 yield f"{name}: the {other.kind} of[{k}] takes nothing off, as it is apart from the {first.kind}"
 
 

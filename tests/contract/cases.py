@@ -31,7 +31,9 @@ from particlesim.colliders import (
 )
 from particlesim.colliders.bounds import edge
 from particlesim.colliders.box import Box
+from particlesim.colliders.combination import Union
 from particlesim.colliders.cylinder import Cylinder
+from particlesim.colliders.half_space import HalfSpace
 from particlesim.colliders.pose import Orientation
 from particlesim.colliders.sphere import Sphere
 from particlesim.expressions.operations import FUNCTIONS
@@ -174,6 +176,16 @@ COLLIDER_CASES: dict[str, Collider] = {
     ),
     "difference_inside": DifferenceCollider(
         of=(Box(size=(2.5, 2.2, 2.4)), Cylinder(start=(0, -2, 0), end=(0, 2, 0), radius=0.3)), inside=True
+    ),
+    "intersection_with_plane": IntersectionCollider(
+        of=(Sphere(radius=0.9), HalfSpace(point=(0.1, 0.2, 0), normal=(0.3, 1, -0.2)))
+    ),
+    "difference_of_union": DifferenceCollider(
+        of=(
+            Union(of=(Sphere(center=(0.4, 0, 0), radius=0.6), Box(size=(0.9, 0.7, 0.8), orientation=TURN))),
+            Cylinder(start=(0, -2, 0.1), end=(0.1, 2, 0), radius=0.25),
+            HalfSpace(point=(-0.3, 0, 0), normal=(1, 0.2, 0)),
+        )
     ),
     "formula": FormulaCollider(
         distance="y - a*sin(3*x)*cos(2*z)",

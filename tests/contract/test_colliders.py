@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from particlesim.colliders import COLLIDERS, SOLIDS, Collider
+from particlesim.colliders import COLLIDERS, COMPONENTS, SOLIDS, Collider
 from particlesim.colliders.combination import Combination, Difference, Intersection
 from particlesim.colliders.distance_grid import DistanceGrid
 from particlesim.colliders.formula import Formula
@@ -46,8 +46,10 @@ def test_every_shape_has_a_case_and_a_place_in_the_scenario() -> None:
 def test_every_solid_can_be_put_together_with_others() -> None:
     others = (Combination, Sheet)
     whole = {model for model in COLLIDERS if issubclass(model, Solid) and not issubclass(model, others)}
-    assert {solid.kind for solid in SOLIDS} == {model.kind for model in whole}
+    assert {solid.kind for solid in SOLIDS} == {"plane", *(model.kind for model in whole)}
     assert all(any(issubclass(model, solid) for solid in SOLIDS) for model in whole)
+    together = {model.kind for model in COLLIDERS if issubclass(model, Combination)}
+    assert {part.kind for part in COMPONENTS} == together | {solid.kind for solid in SOLIDS}
 
 
 @pytest.mark.parametrize("model", COLLIDERS, ids=lambda m: m.__name__)
@@ -115,11 +117,13 @@ def test_the_gap_is_the_distance_to_the_surface(collider: Collider) -> None:
         assert cut or g == pytest.approx(distance, abs=near)
         # a foot is found up to half a radius of curvature, but not beyond the faces of the box
         assert not level or distance > 0.1 or g == pytest.approx(distance, abs=near) or at_faces(collider, p)
-        if distance > 2 * near and not sheet:
+        # cuts leave gaps of a 128th of a part, which are large from near by
+        if distance > (0.05 if cut else 2 * near) and not sheet:
             free = gap(shape, p._replace(r=0.0)) > 0
             within = free == getattr(collider, "inside", False)
             assert solid_angles(place, a, b, c).sum() / (4 * np.pi) == pytest.approx(
-                float(within), abs=2e-2 if cut else 1e-6
+                float(within),
+                abs=4e-2 if cut else 1e-6,  # cuts leave small gaps
             )
 
 

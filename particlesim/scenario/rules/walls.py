@@ -9,9 +9,10 @@ import numpy as np
 
 from particlesim.bodies import Bodies
 from particlesim.colliders import Collider, Plane
-from particlesim.colliders.combination import Combination
+from particlesim.colliders.combination import Combination, Difference, Intersection
 from particlesim.colliders.content import files_in
 from particlesim.colliders.emptiness import Depth, surely_forbidden
+from particlesim.colliders.half_space import HalfSpace
 from particlesim.colliders.solid import SolidCollider
 from particlesim.groups.group import Group, Particles
 from particlesim.laws.registry import sure_gap
@@ -173,6 +174,8 @@ def _leave_none(walls: list[_Wall], radius: float) -> bool:
         ends = np.max([low for low, _ in boxes], axis=0), np.min([high for _, high in boxes], axis=0)
         if (ends[0] > ends[1]).any():
             return True
+        if not np.isfinite(ends).all():
+            return False  # a container without an end leaves something
         low, high = (tuple(each.tolist()) for each in ends)
     elif (found := _between_planes([wall for wall in walls if wall.plane is not None])) is not None:
         low, high = found
@@ -187,9 +190,17 @@ def _leave_none(walls: list[_Wall], radius: float) -> bool:
 
 
 def _box_about(solid: Any) -> tuple[Floats, Floats]:
-    """The low and the high corner of a box about a solid, and about the facets that it is drawn with."""
+    """The low and the high corner of a box about a solid, and about the facets that it is drawn with; of half of all space
+    that has no end."""
+    if isinstance(solid, HalfSpace):
+        return np.full(3, -np.inf), np.full(3, np.inf)
     if isinstance(solid, Combination):
-        boxes = [_box_about(part) for part in solid.of]
+        parts = solid.of
+        if isinstance(solid, Intersection):  # which is inside of each of them
+            parts = tuple(part for part in parts if not isinstance(part, HalfSpace))
+        elif isinstance(solid, Difference):
+            parts = parts[:1]
+        boxes = [_box_about(part) for part in parts]
         return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
     corners = solid.triangles().corners
     low, high = corners.min(axis=0), corners.max(axis=0)

@@ -1,0 +1,98 @@
+"""What is put together with half-spaces, and of what is put together itself: where balls come to rest on it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import G, points, table, way
+
+import particlesim as ps
+
+BALL = {"type": "sphere", "radius": 1.0}
+GROUND = {"type": "plane"}
+R = 0.05
+"""Radius of what falls [m]."""
+PIT = {"type": "difference", "of": [GROUND, {"type": "sphere", "radius": 0.5}]}
+HILL = {"type": "union", "of": [GROUND, {"type": "sphere", "radius": 0.5}]}
+DISH = {"type": "intersection", "of": [BALL, {"type": "plane", "normal": [1, 2, 0]}]}
+LOW = {"type": "difference", "of": [{"type": "box", "size": [2, 2, 2]}, GROUND]}
+KNOB = {"type": "sphere", "center": [0, 0.5, 0], "radius": 0.4}
+PIERCED = {
+    "type": "difference",
+    "of": [
+        {"type": "union", "of": [{"type": "box", "size": [2, 1, 2]}, KNOB]},
+        {"type": "cylinder", "start": [0, -2, 0], "end": [0, 2, 0], "radius": 0.2},
+    ],
+}
+BOWL = {"type": "union", "of": [DISH, {"type": "sphere", "center": [0, -3, 0], "radius": 0.5}]}
+
+
+@pytest.mark.parametrize(
+    ("shape", "x", "height"),
+    [
+        pytest.param(PIT, (2.0, 0.3, 0.0), R, id="beside a pit in the ground"),
+        pytest.param(PIT, (0.0, 0.3, 0.0), -0.5 + R, id="in a pit in the ground"),
+        pytest.param(HILL, (0.0, 0.9, 0.0), 0.5 + R, id="on a hill on the ground"),
+        pytest.param(HILL, (2.0, 0.3, 0.0), R, id="beside a hill on the ground"),
+        pytest.param(LOW, (0.3, 0.9, 0.2), 1.0 + R, id="on half of a box"),
+        pytest.param(PIERCED, (0.7, 0.9, 0.0), 0.5 + R, id="on a box with a knob and a hole"),
+        pytest.param(BOWL, (0.0, -2.2, 0.0), -2.5 + R, id="on a ball beside half of one"),
+    ],
+)
+def test_balls_rest_on_what_is_put_together(
+    shape: dict[str, Any], x: tuple[float, float, float], height: float
+) -> None:
+    h = 0.01
+    places, speeds = way(
+        150,
+        150 * h,
+        h,
+        "velocity_verlet",
+        particles=[points(list(x), radius=R, mass=1.0)],
+        forces=[{"type": "gravity", "acceleration": [0, -G, 0]}],
+        colliders=[{**shape, "restitution": 0.0}],
+    )
+    np.testing.assert_allclose(places[-1], [[x[0], height, x[2]]], atol=1e-9)
+    np.testing.assert_allclose(speeds[-1], 0, atol=1e-9)
+
+
+def test_balls_slide_down_half_of_a_ball_cut_at_an_angle() -> None:
+    # without friction, with g sin θ along a plane with the normal (1, 2, 0)
+    h, steps, c, s = 0.01, 20, 2 / np.sqrt(5), 1 / np.sqrt(5)
+    up, down = np.array([s, c, 0]), np.array([c, -s, 0])
+    places, _ = way(
+        steps,
+        steps * h,
+        h,
+        "velocity_verlet",
+        particles=[points((R * up).tolist(), radius=R, mass=1.0)],
+        forces=[{"type": "gravity", "acceleration": [0, -G, 0]}],
+        colliders=[{**DISH, "restitution": 0.0}],
+    )
+    np.testing.assert_allclose(places[-1][0], R * up + 0.5 * G * s * (steps * h) ** 2 * down, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "of", "why"),
+    [
+        ("union", [GROUND, GROUND], "planes alone have no end"),
+        ("difference", [GROUND, {**GROUND, "normal": [1, 0, 0]}], "planes alone have no end"),
+        ("intersection", [BALL, {**GROUND, "point": [0, -3, 0]}], "have nothing in common"),
+        ("difference", [BALL, {**GROUND, "point": [0, 3, 0]}], "nothing is left of a sphere without a plane"),
+        ("union", [BALL, {"type": "rectangle", "size": [1, 1]}], 'unknown type "rectangle"'),
+        ("union", [BALL, {"type": "union", "of": [BALL, DISH]}], 'unknown type "intersection"'),
+    ],
+)
+def test_what_cannot_be_put_together_is_refused(kind: str, of: list[dict[str, Any]], why: str) -> None:
+    with pytest.raises(ps.ScenarioError, match=why):
+        ps.from_table(
+            table(
+                1.0,
+                0.01,
+                "velocity_verlet",
+                particles=[points([0, 9, 0])],
+                colliders=[{"type": kind, "of": of}],
+            )
+        )
