@@ -279,15 +279,20 @@ def corners_of(piece: Piece) -> Array:
     if piece.kind == BOX:
         return np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * piece.size
     if piece.kind == CYLINDER:
-        return np.concatenate([ring + [0, 0, b], ring - [0, 0, b]])
+        return np.concatenate([ring + np.array([0, 0, b]), ring - np.array([0, 0, b])])
     if piece.kind == CONE:
-        return np.concatenate([ring - [0, 0, 0.25 * b], [[0, 0, 0.75 * b]]])
+        return np.concatenate([ring - np.array([0, 0, 0.25 * b]), [[0, 0, 0.75 * b]]])
     return np.array([[0, 0, b], [0, 0, -b]])  # a capsule, or for b = 0 a sphere
 
 
+def width(own: Array, others: Array, ways: Array) -> Array:
+    """How far a body is to be moved along directions [k, 3] to be free of another one, both given by corners."""
+    return (own @ -ways.T).max(axis=0) + (others @ ways.T).max(axis=0)
+
+
 def test_deep_overlaps_are_the_shortest_ways_out() -> None:
-    # How far A is to be moved along n to be free of B is h_A(−n) + h_B(n) − n·x, with the support functions h. No direction of
-    # many may be shorter than the way found, and along that it is as long as is said. Circles of 720 corners reach
+    # How far A is to be moved along n to be free of B is h_A(−n) + h_B(n) − n·x, with the support functions h. No direction
+    # of many may be shorter than the way found, and along that it is as long as is said. Circles of 720 corners reach
     # 1 − cos(π/720) = 1e-5 less far.
     rng = np.random.default_rng(7)
     k = np.arange(3000) + 0.5
@@ -309,11 +314,7 @@ def test_deep_overlaps_are_the_shortest_ways_out() -> None:
         ra, rb = Rotation.random(2, random_state=rng).as_matrix() if trial % 3 else (np.eye(3),) * 2
         x = rng.normal(size=3) * 0.1 * (trial % 4)
 
-        def way(n: Array) -> Array:
-            """Along directions [k, 3]."""
-            there = (corners_of(one) @ ra.T) @ -n.T, (corners_of(two) @ rb.T) @ n.T
-            return there[0].max(axis=0) + there[1].max(axis=0) - n @ x
-
+        own, others = corners_of(one) @ ra.T, corners_of(two) @ rb.T - x
         found = np.zeros((1, 9))
         pieces = pieces_of([[one], [two]])
         turns = (np.ascontiguousarray(r.reshape(9)) for r in (ra, rb))
@@ -321,8 +322,8 @@ def test_deep_overlaps_are_the_shortest_ways_out() -> None:
         depth = -_separation(pieces, x, first, np.zeros(3), second, found)
         if depth > 0:
             deep += 1
-            assert depth == pytest.approx(way(found[:, :3])[0], abs=2e-5), (kinds, trial)
-            assert depth < way(ways).min() + 2e-5, (kinds, trial)
+            assert depth == pytest.approx(width(own, others, found[:, :3])[0], abs=2e-5), (kinds, trial)
+            assert depth < width(own, others, ways).min() + 2e-5, (kinds, trial)
     assert deep > 50
 
 
