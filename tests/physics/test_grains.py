@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from simulate import EPS, points, simulate, table
+from simulate import G as G0
 
 import particlesim as ps
 from particlesim.engine.interactions.neighbours.record import BUILDS
@@ -274,6 +275,37 @@ def test_hard_balls_roll_down_a_slope() -> None:
     assert result.final.velocity[0, 0] == pytest.approx(v, rel=1e-9)
     assert spin(result)[0, 2] == pytest.approx(-v / R, rel=1e-9)
     assert result.final.position[0, 0] == pytest.approx(v * 0.5 / 2, rel=5e-3)
+
+
+@pytest.mark.parametrize(("model", "dt"), [("linear", 2e-5), ("hertz", 2e-5), ("impulse", 1e-3)])
+def test_glued_grains_hold_below_the_force_that_breaks_their_glue(model: str, dt: float) -> None:
+    # Grains that touch, joined by a spring where they are near: one is held, the weight of the other, put on at once, pulls
+    # with m g (1 − cos ω t), ω² = k/m: up to twice its weight. A glue of 1.98 m g breaks at cos ω t = −0.98, and
+    # the grain falls with what speed it has then.
+    law = {"linear": LINEAR, "hertz": HERTZ, "impulse": {"type": "contact"}}[model]
+    top = points((0, 2 * R, 0), name="top", mass=M, radius=R, pinned=[0])
+    weight = points((0, 0, 0), name="weight", mass=M, radius=R)
+    deep, rate = M * G0 / 1e4, math.sqrt(1e4 / M)
+    left, speed = 0.1 - math.acos(-0.98) / rate, deep * rate * math.sqrt(1 - 0.98**2)
+    fallen = 1.98 * deep + speed * left + 0.5 * G0 * left**2
+    for strength, holds in ((1.98 * M * G0, False), (2.02 * M * G0, True)):
+        glue = {
+            "between": ["top", "weight"],
+            "within": 2.02 * R,
+            "stiffness": 1e4,
+            "break_force": strength,
+        }
+        result = simulate(
+            0.1,
+            dt,
+            particles=[top, weight],
+            interactions=[law],
+            springs=[glue],
+            forces=[{"type": "gravity"}],
+        )
+        assert result.broken == {"springs": (0 if holds else 1, 1)}
+        y = result.final.position[-1, 1]
+        assert (abs(y) < 3 * deep) if holds else (y == pytest.approx(-fallen, rel=0.04))
 
 
 def test_cohesion_holds_up_to_two_pi_w_r() -> None:
