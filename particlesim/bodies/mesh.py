@@ -19,8 +19,8 @@ from particlesim.bodies.mass import Solidity, enclosed_by
 from particlesim.bodies.pieces import HULL, Piece, overlapping, union_of
 from particlesim.bodies.shape import UNTURNED
 from particlesim.colliders.content import FromFile
-from particlesim.colliders.mesh import TURN, require_solid, told_of_flat, without_flat
-from particlesim.colliders.triangulation import Triangles, three_cornered
+from particlesim.colliders.mesh import TURN, bounding, require_solid, told_of_flat, without_flat
+from particlesim.colliders.triangulation import Triangles
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
 from particlesim.model.units import Number
@@ -67,7 +67,7 @@ class MeshBody(FromFile, BodyShape):
             raise UsageError(f"{self.path}: none of its triangles has an area", "a rigid body has a volume")
         require_solid(
             corners,
-            faces[three_cornered(faces)],
+            bounding(corners, faces),
             self.path,
             "a rigid body has a volume, and every edge of its surface two triangles",
             TURN,

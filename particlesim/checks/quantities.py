@@ -32,7 +32,7 @@ COUNTS = ("count", "born", "died", "broken", "missed_crossings")
 """Whole numbers, which there are without a ledger, too; 'died.CAUSE' and 'broken.SPRINGS' are parts of them."""
 MOTION = ("kinetic", "potential", "energy", "energy.drift")
 VECTORS = ("momentum", "angular_momentum")
-WORK, BALANCE = "work", "balance"
+WORK, BALANCE, ROTATION = "work", "balance", "kinetic.rotation"
 
 TOTALS = (
     "count",

@@ -106,7 +106,7 @@ class Mesh(TriangleSolid):
         if len(solid) == 0:
             raise UsageError(f"{self.path}: none of its triangles has an area", "is it flat?")
         if self.thickness is None:
-            require_solid(corners, faces[three_cornered(faces)], self.path)
+            require_solid(corners, bounding(corners, faces), self.path)
         self._surface = Triangles(corners, solid)
         self._content = content
 
@@ -139,12 +139,45 @@ class MeshCollider(Mesh, SolidCollider):
 
 
 def without_flat(corners: Floats, faces: Ints) -> tuple[Ints, int]:
-    """The triangles that have an area, and how many have none: no higher than the rounding of a file in single precision."""
+    """The triangles that have an area, and how many have none."""
+    flat = flat_ones(corners, faces)
+    return faces[~flat], int(flat.sum())
+
+
+def flat_ones(corners: Floats, faces: Ints) -> Any:
+    """Which triangles have no area: they are no higher than the rounding of a file in single precision."""
     a, b, c = corners[faces].transpose(1, 0, 2)
     double = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.sqrt(np.max([((u - v) ** 2).sum(axis=1) for u, v in ((a, b), (b, c), (c, a))], axis=0))
-    flat = double <= FLAT * longest * np.ptp(corners, axis=0).max()
-    return faces[~flat], int(flat.sum())
+    return double <= FLAT * longest * np.ptp(corners, axis=0).max()
+
+
+def bounding(corners: Floats, faces: Ints) -> Ints:
+    """The triangles that a surface is closed with, if it is: those without an area only where they close a gap, as beside a
+    corner on an edge, and not where they lie on an edge that is closed without them."""
+    faces = faces[three_cornered(faces)]
+    flat = flat_ones(corners, faces)
+    while flat.any():
+        ends = _ends_of(faces)
+        there, back = _numbered(ends, len(corners))
+        _, place, times = np.unique(there, return_inverse=True, return_counts=True)
+        odd = ~np.isin(there, back) | (times[place.reshape(-1)] > 1)
+        idle = flat & odd.reshape(-1, 3).any(axis=1)
+        if not idle.any():
+            break
+        faces, flat = faces[~idle], flat[~idle]
+    return faces
+
+
+def _ends_of(faces: Ints) -> Ints:
+    """From which corner to which the edges of triangles go, [3 m, 2]."""
+    return np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+
+
+def _numbered(ends: Ints, corners: int) -> tuple[Ints, Ints]:
+    """A number for every edge as it goes, and for its way back."""
+    size = corners + 1
+    return ends[:, 0] * size + ends[:, 1], ends[:, 1] * size + ends[:, 0]
 
 
 SHEET = "thickness makes it a sheet, which particles touch from both sides and which may be open"
@@ -168,14 +201,13 @@ def require_solid(
 ) -> None:
     """Raises UsageError for triangles that enclose no body with their fronts outwards; the hint is for open ones, `turn` for
     those that look inwards."""
-    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    size = len(corners) + 1
-    there, back = ends[:, 0] * size + ends[:, 1], ends[:, 1] * size + ends[:, 0]
+    ends = _ends_of(faces)
+    there, back = _numbered(ends, len(corners))
     alone = ~np.isin(there, back)
     if alone.any():
         k = int(alone.argmax())
         x, y, z = corners[ends[k]].mean(axis=0)
-        _, sides = np.unique(np.sort(ends, axis=1) @ [size, 1], return_counts=True)
+        _, sides = np.unique(np.sort(ends, axis=1) @ [len(corners) + 1, 1], return_counts=True)
         if (sides == 2).all():
             raise UsageError(
                 f"{name} is turned both outwards and inwards: the triangles at {int(alone.sum())} of its edges do not go "

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.checks.quantities import ROTATION
 from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
 from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite, lost_collider
 from particlesim.engine.guard import Guard
@@ -24,7 +25,7 @@ from particlesim.engine.world import World
 from particlesim.errors import DivergenceError
 from particlesim.laws.registry import has_law, potential
 from particlesim.process.threads import Team
-from particlesim.scenario.ledger_columns import attribute_totals, pressures, work_columns
+from particlesim.scenario.ledger_columns import attribute_totals, pressures, rotations, work_columns
 from particlesim.scenario.reach import acts_on, pair_sets
 from particlesim.scenario.scenario import Scenario
 
@@ -196,7 +197,8 @@ class Simulation(World):
         names += [pairs.name for pairs in pair_sets(self.scenario) if pairs.law.stores()]
         potentials = (f"potential.{name}" for name in names)
         work = work_columns(self.scenario) if self.scenario.output.work else ()
-        return (*MOTION, *potentials, *self._totals, *self._pressures, *work)
+        motion = [name for name in MOTION if name != ROTATION]
+        return (*motion, *rotations(self.scenario), *potentials, *self._totals, *self._pressures, *work)
 
     def ledger_columns(self) -> tuple[str, ...]:
         """Names of the ledger's columns: motion, then the potential energy of every force that has one."""
@@ -268,7 +270,8 @@ class Simulation(World):
             if group.dynamics.type == "second_order":
                 found["kinetic"] += sums[0]
                 for key, value in zip(MOTION[1:], sums[1:], strict=False):
-                    total[key] += value
+                    if key in total:
+                        total[key] += value
             for k, value in zip(forces, sums[len(MOTION) :], strict=True):
                 label = f"potential.{self._labels.forces[k]}"
                 found[label] = found.get(label, 0.0) + value

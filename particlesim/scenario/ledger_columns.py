@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from particlesim.bodies import Bodies
-from particlesim.checks.quantities import BALANCE, TOTALS, WORK
+from particlesim.checks.quantities import BALANCE, ROTATION, TOTALS, WORK
 from particlesim.emitters import Emitter
 from particlesim.forces import Force
 from particlesim.laws.registry import KILL, has_law, potential
 from particlesim.model.attributes import ATTRIBUTES
-from particlesim.scenario.reach import acts_on, held_back, may_break, pair_sets
+from particlesim.scenario.reach import acts_on, held_back, may_break, pair_sets, spins
 from particlesim.scenario.tables import Tables
 
 
@@ -26,6 +26,7 @@ def totals(scenario: Tables) -> tuple[str, ...]:
     broken += [label for label, springs in scenario.body_springs if springs.spring_law().breaks]
     return (
         *TOTALS,
+        *rotations(scenario),
         *(["missed_crossings"] if scenario.all_colliders else []),
         *(f"died.{cause}" for cause in deaths(scenario)),
         *(["broken"] if broken else []),
@@ -35,6 +36,12 @@ def totals(scenario: Tables) -> tuple[str, ...]:
         *pressures(scenario),
         *(booked(scenario) if scenario.output.work else ()),
     )
+
+
+def rotations(scenario: Tables) -> tuple[str, ...]:
+    """The kinetic energy of rotation, which is part of `kinetic`, where something rotates."""
+    turns = any(isinstance(group, Bodies) or spins(scenario, group) for group in scenario.groups)
+    return (ROTATION,) if turns else ()
 
 
 def pressures(scenario: Tables) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from simulate import EPS, G, points, way
 from support import careful, columns, position, program, run, velocity
 
 import particlesim as ps
+from particlesim.bodies.mesh import MeshBody
 from particlesim.colliders import DifferenceCollider, MeshCollider
 from particlesim.colliders.box import Box
 from particlesim.colliders.cylinder import Cylinder
@@ -104,6 +105,32 @@ def test_triangles_without_area_are_dropped_and_told(tmp_path: Path) -> None:
     ball(tmp_path / "twice.obj", lambda v, f: (v, np.concatenate([f, [[3, 3, 5], [7, 7, 7]]])))
     result = ps.run(scenario(tmp_path, {"type": "mesh", "path": "twice.obj"}))
     assert any("2 of its triangles have no area" in line for line in result.warnings)
+
+
+def test_triangles_without_area_open_no_surface_that_is_closed_without_them(tmp_path: Path) -> None:
+    # A box with a corner in the middle of an edge: one or two flat triangles there close nothing, and a third that is needed
+    # beside another edge still does.
+    box = trimesh.creation.box([1, 1, 1])
+    vertices, faces = np.array(box.vertices), np.array(box.faces)
+    (a, b, _), (c, d, _) = faces[0], faces[-1]
+    vertices = np.concatenate([vertices, [(vertices[a] + vertices[b]) / 2, (vertices[c] + vertices[d]) / 2]])
+    m, n = len(vertices) - 2, len(vertices) - 1
+    idle, twice = [[a, m, b]], [[a, m, b], [b, m, a]]
+    k = next(i for i, t in enumerate(faces[:-1]) if c in t and d in t)
+    e = next(corner for corner in faces[k] if corner not in (c, d))
+    needed = [*np.delete(faces, k, axis=0), [d, c, n], [n, c, e], [d, n, e]]
+    for number, added in ((1, [*faces, *idle]), (2, [*faces, *twice]), (2, [*needed, *idle])):
+        trimesh.Trimesh(vertices, added, process=False).export(tmp_path / "box.obj")
+        result = ps.run(scenario(tmp_path, {"type": "mesh", "path": "box.obj"}))
+        verbs = "has no area and is" if number == 1 else "have no area and are"
+        assert any(f"{number} of its triangles {verbs} left out" in line for line in result.warnings)
+        body = MeshBody(path="box.obj")
+        body.take((vertices, np.array(added)))
+        assert (body.volume(), body.dropped) == (pytest.approx(1, rel=1e-12), number)
+        # one with a hole stays open
+        trimesh.Trimesh(vertices, added[1:], process=False).export(tmp_path / "box.obj")
+        with pytest.raises(ps.UsageError, match=r"is open: 3 of its edges"):
+            ps.run(scenario(tmp_path, {"type": "mesh", "path": "box.obj"}))
 
 
 def test_a_height_field_is_the_ground(tmp_path: Path) -> None:

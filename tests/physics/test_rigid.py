@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from scipy.special import ellipk
 from simulate import EPS, G, record, simulate, table
 
@@ -98,6 +99,51 @@ def test_the_ledger_counts_spin_and_orbit() -> None:
     assert [told[f"angular_momentum.{axis}"] for axis in "xyz"] == pytest.approx(expected, rel=1e-14)
     assert told["potential.gravity"] == pytest.approx(m * G * x[1], rel=1e-14)
     assert told["kinetic"] == pytest.approx(0.5 * m * np.dot(v, v) + 0.5 * inertia * np.dot(w, w), rel=1e-14)
+
+
+def test_the_energy_of_rotation_is_a_column_and_can_be_checked() -> None:
+    # ½ ω·I ω of a box, I = m/12 (b² + c²) and so on in its own axes, which keep their directions while it turns about one.
+    m, (a, b, c), w = 3.0, (0.1, 0.2, 0.4), 5.0
+    leaning = np.array([2.0, -5.0, 11.0])
+    inertia = m / 12 * np.array([b * b + c * c, c * c + a * a, a * a + b * b])
+    turn = Rotation.from_rotvec([0.3, -0.7, 0.4])
+    frame = {"axis": turn.as_rotvec().tolist(), "angle": math.degrees(turn.magnitude())}
+    told = simulate(
+        0.01,
+        0.01,
+        bodies=[body(mass=m, velocity=[1, 2, 3], angular_velocity=leaning.tolist(), orientation=frame)],
+        output={"ledger": True},
+    ).ledger
+    own = turn.inv().apply(leaning)
+    assert told["kinetic.rotation"][0] == pytest.approx(0.5 * inertia @ own**2, rel=1e-12)
+    assert told["kinetic"][0] - told["kinetic.rotation"][0] == pytest.approx(0.5 * m * 14, rel=1e-12)
+
+    energy = 0.5 * inertia[1] * w * w
+    checks = [
+        {"quantity": "kinetic.rotation", "equals": energy, "tolerance": 1e-12 * energy, "at": "always"},
+        {
+            "quantity": "angular_velocity.y",
+            "statistic": "max",
+            "equals": w,
+            "tolerance": 1e-12,
+            "at": "always",
+        },
+    ]
+    result = simulate(0.5, 0.01, bodies=[body(mass=m, angular_velocity=[0, w, 0])], checks=checks)
+    assert all(check.passed for check in result.checks)
+    checks[0]["equals"] = 1.001 * energy
+    result = simulate(0.5, 0.01, bodies=[body(mass=m, angular_velocity=[0, w, 0])], checks=checks)
+    assert [check.passed for check in result.checks] == [False, True]
+    # Grains that turn: ½ · 2/5 m r² ω². Where nothing turns there is no such quantity.
+    grain = {"layout": {"type": "points", "position": [[0, 0, 0]]}, "radius": 0.1, "mass": 2.0}
+    grain["angular_velocity"] = [0, 0, w]
+    rough = {"type": "contact", "model": "impulse", "friction": 0.5}
+    told = simulate(0.01, 0.01, particles=[grain], interactions=[rough], output={"ledger": True}).ledger
+    assert told["kinetic.rotation"] == pytest.approx([0.2 * 2.0 * 0.1**2 * w * w] * 2, rel=1e-14)
+    del grain["angular_velocity"]
+    assert "kinetic.rotation" not in simulate(0.01, 0.01, particles=[grain], output={"ledger": True}).ledger
+    with pytest.raises(ps.ScenarioError, match=r"kinetic\.rotation"):
+        ps.from_table(table(0.01, 0.01, particles=[grain], checks=checks[:1]))
 
 
 def test_free_rotation_keeps_angular_momentum_and_swings_in_energy(tmp_path: Path) -> None:

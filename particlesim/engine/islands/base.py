@@ -190,8 +190,8 @@ class BaseIsland:
         return np.zeros((3, sum(state.count for state in self.states)))
 
     def sums(self, member: int, records: tuple[Any, ...], time: float, team: Team) -> NDArray[np.float64]:
-        """Of a group: kinetic energy [J], momentum [kg m/s], angular momentum [kg m²/s], and the potential energy of each of
-        some laws [J]."""
+        """Of a group: kinetic energy [J], momentum [kg m/s], angular momentum [kg m²/s], kinetic energy of rotation [J], and
+        the potential energy of each of some laws [J]."""
         return measure(records, self.columns()[member], time, team)
 
     def stored(self) -> dict[str, float]:

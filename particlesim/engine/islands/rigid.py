@@ -442,6 +442,7 @@ class RigidIsland(BaseIsland):
         records = tuple(through_surface(record, shape) or record for record in records)
         sum_energies(self._scene, records, self.bodies(), self._motion, *here, time, out)
         motion[0] += out[0]
+        motion[7] += out[0]
         motion[4:7] += out[1:4]
         return np.concatenate([motion, out[4:]])
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.checks.quantities import ROTATION
 from particlesim.compiler import kernel
 from particlesim.engine.state.columns import block_of, fetch
 from particlesim.laws.registry import force, potential
@@ -26,6 +27,7 @@ MOTION = (
     "angular_momentum.x",
     "angular_momentum.y",
     "angular_momentum.z",
+    ROTATION,
 )
 """Ledger columns of the motion, in the order of the kernel; potentials follow."""
 
@@ -43,8 +45,8 @@ def inertia_of(p: Any) -> Any:
 
 @kernel
 def sum_chunks(potentials: Any, columns: Any, t: Any, first: Any, last: Any, rows: Any) -> None:
-    """Sums over each chunk of CHUNK particles from `first`: kinetic energy, momentum, angular momentum, potentials; spin is
-    part of the first and the third."""
+    """Sums over each chunk of CHUNK particles from `first`: kinetic energy, momentum, angular momentum, kinetic energy of
+    rotation, potentials; spin is part of the first and the third."""
     for lo in range(first, last, CHUNK):
         c = block_of(columns, lo, min(last, lo + CHUNK))
         row = rows[lo // CHUNK]
@@ -63,11 +65,13 @@ def sum_chunks(potentials: Any, columns: Any, t: Any, first: Any, last: Any, row
             if c.spin is not None:
                 inertia = inertia_of(p)
                 a, b, d = float(c.spin.wx[i]), float(c.spin.wy[i]), float(c.spin.wz[i])
-                row[0] += 0.5 * inertia * (a * a + b * b + d * d)
+                turning = 0.5 * inertia * (a * a + b * b + d * d)
+                row[0] += turning
+                row[7] += turning
                 row[4] += inertia * a
                 row[5] += inertia * b
                 row[6] += inertia * d
-            tally(potentials, p, row, 7)
+            tally(potentials, p, row, 8)
 
 
 @kernel
@@ -80,7 +84,8 @@ def sum_forces(forces: Any, c: Any, t: Any, first: Any, last: Any, out: Any) -> 
 def measure(
     potentials: tuple[Any, ...], columns: Any, time: float, team: Team, workers_from: int = 100_000
 ) -> NDArray[np.float64]:
-    """Kinetic energy [J], momentum [kg m/s], angular momentum [kg m²/s] and potentials [J], in the order of the kernel."""
+    """Kinetic energy [J], momentum [kg m/s], angular momentum [kg m²/s], kinetic energy of rotation [J] and potentials [J],
+    in the order of the kernel."""
     n = columns.x.size
     rows = np.zeros((-(-n // CHUNK), len(MOTION) + len(potentials)))
     if n:

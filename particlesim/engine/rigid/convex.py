@@ -5,7 +5,8 @@ Minkowski difference A − B for the point nearest to the origin. Where the piec
 direction: a first one is that of the pieces shrunk towards their middles until they are apart; then A is moved out along it
 until there is a small gap, and the direction is found anew. The right direction is a fixed point of this iteration, as the
 point of A − B nearest to a point outside stays the nearest while the latter moves along its normal. So the direction is as
-exact for pieces that touch as for pieces apart.
+exact for pieces that touch as for pieces apart. Where one is deep in the other there are several such points, and the way
+out may be another than that from middle to middle: then many directions are looked at, and the best are refined so.
 
 Sources: E. G. Gilbert, D. W. Johnson, S. S. Keerthi, IEEE J. Robot. Autom. 4, 193 (1988); G. van den Bergen, Collision
 Detection in Interactive 3D Environments, 2004, chapter 4; nearest points of simplices: C. Ericson, Real-Time Collision
@@ -20,7 +21,7 @@ import numpy as np
 
 from particlesim.compiler import on_stack, outlined
 from particlesim.engine.rigid.pieces import Solid, support
-from particlesim.engine.rigid.rotation import cross, dot
+from particlesim.engine.rigid.rotation import cross, dot, to_world
 
 MOST_TURNS = 64
 CLOSE = 1e-12
@@ -32,6 +33,21 @@ LIFT = 0.02
 DRAWN_IN = 0.01
 """How far pieces that overlap are drawn in first, as a part of their size."""
 REFINED = 3
+DEEP = 0.05
+"""Depth from which on the shortest way out is looked for among many directions, in units of the smaller piece."""
+MOST_FACES = 96
+"""Faces of a hull of which directions are tried."""
+MOST_TRIED = 230
+"""Room for directions: 26 to the faces, edges and corners of a cube, 6 along the axes of each piece, and its faces."""
+STARTS = 8
+"""Directions that are refined, of those that are not near a better one."""
+NEAR = 0.97
+"""Cosine of the angle between directions that count as near."""
+TILT = (0.013, 0.031, 0.022)
+"""What is added to them: a direction to an edge would stay, though all others beside it are better."""
+MOST_REFINED = 40
+SETTLED = 1e-9
+"""Change of a depth at which its direction stays, in units of the smaller piece."""
 
 
 def lifted(s: Any, shift: Any) -> Any:
@@ -105,7 +121,7 @@ def drawn(a: Any, s: Any, part: Any) -> Any:
 
 
 def point(w: Any, k: Any) -> Any:
-    """A corner of the simplex."""
+    """A corner of the simplex, or another vector that is a row."""
     return w[k, 0], w[k, 1], w[k, 2]
 
 
@@ -219,10 +235,78 @@ def separation(p: Any, s: Any, o: Any, beyond: Any, found: Any) -> float:
             (d[0] / length, d[1] / length, d[2] / length) if length > 0 else (0.0, 1.0, 0.0)
         )
     for _ in range(REFINED):
-        n = (found[0, 0], found[0, 1], found[0, 2])
-        out = LIFT * scale - apart_along(p, s, o, n)
-        moved = lifted(s, (out * n[0], out * n[1], out * n[2]))
-        nearest(p, moved, o, 1.0, found)
-        for axis in range(3):
-            found[0, 3 + axis] -= out * n[axis]
-    return float(apart_along(p, s, o, (found[0, 0], found[0, 1], found[0, 2])))
+        refine(p, s, o, scale, found)
+    apart = float(apart_along(p, s, o, (found[0, 0], found[0, 1], found[0, 2])))
+    return way_out(p, s, o, scale, apart, found) if -apart > DEEP * scale else apart
+
+
+@outlined
+def refine(p: Any, s: Any, o: Any, scale: Any, found: Any) -> None:
+    """The direction anew, from the first piece moved out along it, and the places that are nearest then, moved back."""
+    n = (found[0, 0], found[0, 1], found[0, 2])
+    out = LIFT * scale - apart_along(p, s, o, n)
+    nearest(p, lifted(s, (out * n[0], out * n[1], out * n[2])), o, 1.0, found)
+    for axis in range(3):
+        found[0, 3 + axis] -= out * n[axis]
+
+
+@outlined
+def way_out(p: Any, s: Any, o: Any, scale: Any, apart: Any, found: Any) -> float:
+    """The least depth of pieces that are deep in each other, negative, and its direction and places into `found`, which has
+    those of a depth that may be a local minimum only."""
+    ways, trial = on_stack(MOST_TRIED, 4, np.float64), on_stack(1, 9, np.float64)
+    number = directions(p, s, o, ways)
+    for k in range(number):
+        ways[k, 3] = apart_along(p, s, o, point(ways, k))
+    best = apart
+    for _ in range(STARTS):
+        first = 0
+        for k in range(1, number):
+            first = k if ways[k, 3] > ways[first, 3] else first
+        n = point(ways, first)
+        for k in range(number):
+            ways[k, 3] = -np.inf if dot(n, point(ways, k)) > NEAR else ways[k, 3]
+        n = (n[0] + TILT[0], n[1] + TILT[1], n[2] + TILT[2])
+        one = 1 / np.sqrt(dot(n, n))
+        trial[0, 0], trial[0, 1], trial[0, 2] = one * n[0], one * n[1], one * n[2]
+        last = -np.inf
+        for _ in range(MOST_REFINED):
+            refine(p, s, o, scale, trial)
+            now = apart_along(p, s, o, point(trial, 0))
+            if now > best:
+                best = now
+                for axis in range(9):
+                    found[0, axis] = trial[0, axis]
+            if not now > last + SETTLED * scale:
+                break
+            last = now
+    return float(best)
+
+
+@outlined
+def directions(p: Any, s: Any, o: Any, ways: Any) -> int:
+    """Directions that may be the way out, into ways [MOST_TRIED, 4]: all around, and those of axes and faces. Returns how
+    many there are."""
+    number = 0
+    for code in range(27):
+        x, y, z = code % 3 - 1.0, code // 3 % 3 - 1.0, code // 9 - 1.0
+        if code != 13:
+            one = 1 / np.sqrt(x * x + y * y + z * z)
+            ways[number, 0], ways[number, 1], ways[number, 2] = one * x, one * y, one * z
+            number += 1
+    for one in range(2):
+        piece = s if one == 0 else o
+        for axis in range(6):
+            sign = 1.0 - 2.0 * (axis % 2)
+            unit = (sign * (axis // 2 == 0), sign * (axis // 2 == 1), sign * (axis // 2 == 2))
+            ways[number, 0], ways[number, 1], ways[number, 2] = to_world(piece.r, unit)
+            number += 1
+        first, faces = p.first_face[piece.number], p.first_face[piece.number + 1] - p.first_face[piece.number]
+        stride = (faces + MOST_FACES - 1) // MOST_FACES
+        sign = -1.0 if one == 0 else 1.0  # the first piece goes where its face does not look
+        for f in range(0, faces, max(stride, 1)):
+            n = (p.planes[0, first + f], p.planes[1, first + f], p.planes[2, first + f])
+            n = to_world(piece.r, n)
+            ways[number, 0], ways[number, 1], ways[number, 2] = sign * n[0], sign * n[1], sign * n[2]
+            number += 1
+    return number
