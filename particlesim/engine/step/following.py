@@ -193,7 +193,7 @@ def _in_pit(contacts: Any, parts: Any, p: Any, legal: Any, push: Any, h: Any, en
     """Whether a particle lies in a pit of a shape with dents, and stays there until a time `end`; and the particle then."""
     slack, zero = rounding(contacts, p), h - h
     rubs = any(c.response.friction is not None for c in contacts.continuous)
-    holds, x, y, z = bottom(parts, p, legal, push, h, slack, rubs)
+    holds, x, y, z = bottom(contacts.continuous, parts, p, legal, push, h, slack, rubs)
     lain = moved_to(p, x, y, z, zero, zero, zero, end)
     return holds and nearest(contacts.continuous, lain) >= -slack, lain
 

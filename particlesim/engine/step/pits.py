@@ -3,9 +3,11 @@
 Only the nearest part of a shape is known at a time, so what is pressed into a pit hops from part to part, by less and less.
 With the normals n₁, n₂, n₃ of the last three parts that it has hit, it cannot move on where what presses it is
 
-    Δv = −(λ₁ n₁ + λ₂ n₂ + λ₃ n₃),   λ ≥ 0.
+    Δv = −(λ₁ n₁ + λ₂ n₂ + λ₃ n₃),   λ > 0,
 
-There hops that are as short as what forces bring about in a step are rest, as everywhere.
+and all three meet there with their dents: beside the place each of them goes on where the two others do not reach, as no
+edge does that stands out, and no round side. There hops that are as short as what forces bring about in a step are rest, as
+everywhere.
 """
 
 from __future__ import annotations
@@ -18,8 +20,9 @@ from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
+from particlesim.engine.step.contacts import nearest
 from particlesim.engine.step.resting import cross, dot
-from particlesim.laws.registry import gap_and_normal
+from particlesim.laws.registry import gap_and_normal, moved_to
 
 REST = 2
 """Steps in which forces bring about a speed that counts as rest."""
@@ -27,6 +30,10 @@ ONE_PART = 1 - 1e-9
 """The cosine of the angle between two normals from which on they are of one part."""
 FLAT = 1e-9
 """The volume that three normals span at least, which else do not hold."""
+PRESSED = 2.0**-20
+"""The least λ of a part that presses, in units of Δv."""
+BESIDE = 64
+"""How far beside a pit its parts are looked for, in rounding errors."""
 
 
 def may_hold(colliders: Any) -> bool:
@@ -61,7 +68,7 @@ def with_part(parts: Any, colliders: Any, p: Any) -> Any:
 
 
 @outlined
-def bottom(parts: Any, p: Any, legal: Any, push: Any, h: Any, same: Any, rough: Any) -> Any:
+def bottom(colliders: Any, parts: Any, p: Any, legal: Any, push: Any, h: Any, same: Any, rough: Any) -> Any:
     """Whether a particle that came from a `legal` place in a step of h, in which forces change its velocity by `push`, rests
     on the parts that it has hit, and where: where it touches all three, or at the legal place, if that is the `same` but
     for so much, or the parts are `rough` and hold it there."""
@@ -73,10 +80,14 @@ def bottom(parts: Any, p: Any, legal: Any, push: Any, h: Any, same: Any, rough: 
     holds = p.vx * p.vx + p.vy * p.vy + p.vz * p.vz <= most and abs(volume) > type_of(h, FLAT)
     if holds:
         a, b, c = dot(push, u), dot(push, v), dot(push, w)
-        holds = a * volume <= 0 and b * volume <= 0 and c * volume <= 0
+        least = type_of(h, -PRESSED) * volume * volume * np.sqrt(dot(push, push))
+        holds = a * volume < least and b * volume < least and c * volume < least
         x = (one[3] * u[0] + two[3] * v[0] + three[3] * w[0]) / volume
         y = (one[3] * u[1] + two[3] * v[1] + three[3] * w[1]) / volume
         z = (one[3] * u[2] + two[3] * v[2] + three[3] * w[2]) / volume
+        holds = holds and _enclosed(
+            colliders, moved_to(p, x, y, z, p.vx, p.vy, p.vz, p.t), u, v, w, volume, same
+        )
         if rough:
             x, y, z = p.x, p.y, p.z
         way = (x - legal.x, y - legal.y, z - legal.z)
@@ -88,3 +99,16 @@ def bottom(parts: Any, p: Any, legal: Any, push: Any, h: Any, same: Any, rough: 
         if rough or far <= same * same:
             x, y, z = legal.x, legal.y, legal.z
     return holds, x, y, z
+
+
+@outlined
+def _enclosed(colliders: Any, p: Any, u: Any, v: Any, w: Any, volume: Any, same: Any) -> Any:
+    """Whether a particle where three parts meet still touches each of them when it is moved a little off both others. Along
+    u it leaves the first one, along v the second and along w the third."""
+    touches = True
+    for a, b in ((u, v), (v, w), (w, u)):
+        side = type_of(same, BESIDE) * same if volume > 0 else type_of(same, -BESIDE) * same
+        i, j = side / np.sqrt(dot(a, a)), side / np.sqrt(dot(b, b))
+        x, y, z = (at + i * k + j * m for at, k, m in zip((p.x, p.y, p.z), a, b, strict=True))
+        touches = touches and nearest(colliders, moved_to(p, x, y, z, p.vx, p.vy, p.vz, p.t)) <= same + same
+    return touches
