@@ -381,7 +381,8 @@ def nearest_triangle(tree: Any, x: Any, y: Any, z: Any) -> Any:
     dx, dy, dz = x - cx, y - cy, z - cz
     side = 1.0 if dx * nx + dy * ny + dz * nz >= 0 else -1.0
     # On a face the way to the place is its normal, and at a place on the surface there is no other.
-    if what < 6 and d > 1e-12 * (abs(x) + abs(y) + abs(z)):
+    x0, y0, z0 = tree.low
+    if what < 6 and d > 1e-12 * (abs(x - x0) + abs(y - y0) + abs(z - z0) + abs(x0) + abs(y0) + abs(z0)):
         nx, ny, nz = side * dx / d, side * dy / d, side * dz / d
     return d, side, nx, ny, nz
 

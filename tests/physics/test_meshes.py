@@ -341,3 +341,31 @@ def test_marbles_that_slide_over_facets_do_not_stop() -> None:
         colliders=[{"type": "mesh", "path": str(track), "restitution": 0.3}],
     )
     assert np.linalg.norm(speeds[-1] - v, axis=1).max() < 2 * G * h
+
+
+@pytest.mark.parametrize("floor", ["mesh", "height field"])
+def test_points_over_a_corner_of_triangles_rebound_from_a_wall(floor: str, tmp_path: Path) -> None:
+    """The first and the second hit the wall exactly over a corner in the origin and over an edge. The direction from so near
+    a corner is a rounding error, and had been taken for the normal: they stopped for good."""
+    x, z = np.meshgrid([-4.0, 0, 4], [-4.0, 0, 4], indexing="ij")
+    if floor == "mesh":
+        slab = trimesh.creation.box((8, 1, 8)).subdivide()
+        slab.apply_translation((0, -0.5, 0))
+        slab.export(tmp_path / "floor.obj")
+        ground: dict[str, Any] = {"type": "mesh", "path": str(tmp_path / "floor.obj")}
+    else:
+        np.save(tmp_path / "floor.npy", 0 * x + 0 * z)
+        ground = {"type": "height_field", "path": str(tmp_path / "floor.npy"), "size": [8, 8]}
+    c, s = np.cos(0.3), np.sin(0.3)
+    places = [[-1.5, 0, 0.0], [-1.5 + 2 * s / c, 0, 2.0], [-1.5, 0, 0.3]]
+    _, speeds = way(
+        1,
+        1.2,
+        0.002,
+        "velocity_verlet",
+        particles=[points(*places, velocity=[[2.0, 0, 0]] * 3, radius=0.0, mass=1.0)],
+        forces=[{"type": "gravity", "acceleration": [0, -G, 0]}],
+        planes=[{"normal": [-c, 0, s], "restitution": 0.5}],
+        colliders=[{**ground, "restitution": 0.0}],
+    )
+    np.testing.assert_allclose(speeds[-1], [[2 - 3 * c * c, 0, 3 * c * s]] * 3, atol=1e-6)

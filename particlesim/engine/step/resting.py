@@ -51,6 +51,9 @@ normals that take a search are not exact."""
 STRAIGHT = 1 - 2.0**-20
 """The cosine of the angle between two normals from which on they are those of one flat side."""
 
+EDGE, ROUNDED = 2.0**-20, 2.0**-44
+"""How near to an edge is on it, in units of the depth of a step and of coordinates."""
+
 NOISE = 2.0**-19
 """Part of a speed that its rounding errors in single precision stay below, as `records.CONTACT_TOLERANCE` says."""
 
@@ -137,8 +140,11 @@ def sunk(c: Any, p: Any, start: Any, up: Any, q: Any) -> Any:
     behind = (lean < -half) & (depth < 0)
     x, y, z = (b - depth * a for a, b in zip(up, (q.x, q.y, q.z), strict=True))
     over, m = gap_and_normal(c, moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t))
+    # Of what begins on the edge between both, it is not known on which of them it lies.
+    height = g + dot(n, (p.x - q.x, p.y - q.y, p.z - q.z))
     under = (
         (abs(over) <= type_of(g, -LEVEL) * depth)
+        & (height < type_of(g, EDGE) * depth - type_of(g, ROUNDED) * (abs(p.x) + abs(p.y) + abs(p.z) + p.r))
         & (dot(m, up) >= type_of(g, STRAIGHT))
         & (lean < half)
         & (g < 0)
