@@ -452,9 +452,19 @@ def unlifted(
     # A method of first order falls further in a step than its speed tells, and is lifted by as much more.
     gained = dot((q.vx, q.vy, q.vz), (q.vx, q.vy, q.vz)) - dot((p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz))
     left = had + min(lost - gained + work / (type_of(h, 0.5) * h), zero)
-    kept = np.sqrt(left / had) if left > 0 else zero
-    bent = dot(touch.up, touch.normal) < type_of(h, 1) - tolerance
-    return tuple(kept * each if bent & (left < had) else each for each in v)
+    # The lift took it from the motion in which the surface bends; what goes across that, as into a floor, has its own end.
+    one, level = type_of(h, 1), dot(touch.up, touch.normal)
+    bend = tuple(a - level * b for a, b in zip(touch.up, touch.normal, strict=True))
+    length2 = square(bend)
+    part = dot(v, bend) / length2 if length2 > 0 else zero
+    across = tuple(a - part * b for a, b in zip(v, bend, strict=True))
+    rest, turning = square(across), part * part * length2
+    k = np.sqrt((left - rest) / turning) if (left > rest) & (turning > 0) else zero
+    kept = np.sqrt(max(left, zero) / rest) if (left < rest) & (rest > 0) else one
+    slower = (level < one - tolerance) & (left < had)
+    return tuple(
+        kept * a + k * part * b if slower else each for a, b, each in zip(across, bend, v, strict=True)
+    )
 
 
 def at_place(q: Any, place: Any, velocity: Any) -> Any:
