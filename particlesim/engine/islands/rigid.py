@@ -132,6 +132,8 @@ class RigidIsland(BaseIsland):
         self.kept_from = 0
         self._party: tuple[Bodies, Scene, Motion] | None = None
         self._asked = False
+        self.tired = np.zeros(1, np.int64)
+        """How often bodies met more in half a step than is followed."""
         self.visitors: Visitors | None = None
         """Particles that make the next step among the bodies."""
         self.pull_on: Callable[[float, Floats | None], tuple[Floats, Floats]] | None = None
@@ -284,8 +286,10 @@ class RigidIsland(BaseIsland):
 
     def _booking(self) -> Scene:
         """What acts on the bodies, and the books of it."""
-        books, work = self.books, self._scene.work
-        return self._scene if books is None else self._scene._replace(work=work._replace(totals=books.totals))
+        scene = self._scene._replace(swift=self._scene.swift._replace(tired=self.tired))
+        if self.books is None:
+            return scene
+        return scene._replace(work=scene.work._replace(totals=self.books.totals))
 
     def _make_room(self, contacts: int) -> None:
         """Room for more contacts; what is known of the last ones stays."""
