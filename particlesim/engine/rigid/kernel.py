@@ -168,8 +168,9 @@ def drift(scene: Any, b: Any, motion: Any, t: Any, h: Any, second: Any) -> bool:
     (`hold_ends`)."""
     swift, n = hasten(scene, b, motion, t, h, second), own(scene, b)
     for i in range(b.w.size):
-        if scene.joints is None or scene.joined[i] == 0:
-            move(b, i, h - scene.swift.begun[i] if swift and i < n else h)
+        gone = swift and i < n and scene.swift.on[i] > 0
+        if (scene.joints is None or scene.joined[i] == 0) and not gone:
+            move(b, i, h)
     held = True
     if scene.joints is not None:
         for component in range(scene.joints.next.size):

@@ -8,7 +8,8 @@ along the normal. There it rebounds (`impact`), and goes on with the rest of the
 
 The body whose safe time is the least comes next, so that impacts are met in the order of time; where others are by then
 follows from where they began. What has had `MOST_IMPACTS` rests where it is until the end of the drift, and is counted.
-Bodies that meet nothing make their drift in one go, with the same bits as if nobody had looked.
+Bodies that are not swift, and are not hit, make their drift as if nobody had looked, with the same bits. As the solver keeps swift
+bodies from what is next to them only, a body that was swift is looked at until the solver has seen it slow.
 
 Source: B. Mirtich, Impulse-based dynamic simulation of rigid body systems, thesis, Berkeley, 1996, chapter 2.
 """
@@ -23,17 +24,17 @@ from particlesim.bodies.pieces import CAPSULE
 from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.acting import sum_all_forces
-from particlesim.engine.rigid.bodies import WORLD, new_contacts, place
-from particlesim.engine.rigid.broad import are_joined
+from particlesim.engine.rigid.bodies import WORLD, new_contacts, orientation, place, row
+from particlesim.engine.rigid.broad import WATCHED, are_joined
 from particlesim.engine.rigid.contact_rows import direct, speed_along
 from particlesim.engine.rigid.free import move, own, velocity_of
 from particlesim.engine.rigid.impact import rebound
 from particlesim.engine.rigid.narrow import minus, touch
-from particlesim.engine.rigid.rotation import dot
+from particlesim.engine.rigid.rotation import dot, turned_freely
 from particlesim.engine.rigid.walls import probe, touch_wall
 from particlesim.laws.registry import gap
 
-SWIFT = 0.5
+SWIFT = 0.25
 """Way in a drift from which on a body is swift, in units of its inner radius."""
 STRIDE = 0.25
 """Way that a swift body comes without a look where it is near to others, in the same units."""
@@ -41,15 +42,19 @@ TOUCHING = 1e-4
 """Gap at which an impact is given, in the same units. What closes by less in a drift is left to the solver."""
 MOST_IMPACTS, MOST_LOOKS = 256, 100_000
 """Impacts and looks of a body in a drift, after which it rests."""
+TURN, MOST_TURNS = 0.1, 100
+"""Angle by which a swift body turns at once, and how often it does so at most. Between impacts its energy swings by the
+square of this; if it were by that of all its turn, impacts would come to have part of the swings for good."""
 ROOM = 4096
 """Contacts of one body with one other for which there is room."""
 
 
 class Swift(NamedTuple):
     """Room for what swift bodies do. By body: its inner radius, the farthest place from its centre that comes elsewhere when
-    it turns [m], 1 where all of its pieces are spheres and capsules; where its way began [n, 7], when, until when it is safe
-    [s], and its impacts and looks in this drift [n]; whether it is on the list, and the list [n]. Contacts of a pair; the work
-    of impacts in the first drift of a step [J]; how often bodies had more impacts than are followed, since the start."""
+    it turns [m], 1 where all of its pieces are spheres and capsules; where its way began [n, 7], when, until when it is
+    safe [s], and its impacts and looks in this drift [n]; whether it is on the list, and the list [n]. Contacts of a pair;
+    the work of impacts in a step [J]. For how many drifts bodies are looked at if they are swift no more [n], and how often
+    they had more impacts than are followed, since the start."""
 
     inner: Any
     lever: Any
@@ -63,6 +68,7 @@ class Swift(NamedTuple):
     listed: Any
     contacts: Any
     gain: Any
+    watch: Any
     tired: Any
 
 
@@ -77,7 +83,8 @@ def new_swift(shapes: Any, owner: Any) -> Swift:
     on, listed = np.zeros(n, np.int64), np.zeros(n, np.int64)
     return Swift(
         *(inner[owner], lever[owner], core.astype(np.int64)[owner], np.zeros((n, 7))),
-        *(begun, safe, impacts, looks, on, listed, new_contacts(ROOM), np.zeros(1), np.zeros(1, np.int64)),
+        *(begun, safe, impacts, looks, on, listed, new_contacts(ROOM), np.zeros(1)),
+        *(np.zeros(n, np.int64), np.zeros(1, np.int64)),
     )
 
 
@@ -151,7 +158,25 @@ def bring(b: Any, s: Any, i: Any, now: Any) -> None:
     for axis in range(4):
         b.turn[axis, i] = s.pose[i, 3 + axis]
     if now > s.begun[i]:
-        move(b, i, now - s.begun[i])
+        go(b, i, now - s.begun[i], s.on[i] > 0)
+
+
+def go(b: Any, i: Any, h: Any, swift: Any) -> None:
+    """Move and turn a body freely; one that is swift by as many turns as it takes for none to be large. There are as many as
+    long as nothing acts on it."""
+    turns = 1
+    if swift:
+        spin, least = row(b.spin, i), min(b.inertia[0, i], min(b.inertia[1, i], b.inertia[2, i]))
+        parts = h * np.sqrt(dot(spin, spin)) / least / TURN
+        turns = 1 + int(parts) if parts < MOST_TURNS else MOST_TURNS
+    if turns == 1:
+        move(b, i, h)
+        return
+    for axis in range(3):
+        b.x[axis, i] += h * b.v[axis, i]
+    for _ in range(turns):
+        q = turned_freely(orientation(b, i), row(b.spin, i), row(b.inertia, i), h / turns)
+        b.turn[0, i], b.turn[1, i], b.turn[2, i], b.turn[3, i] = q
 
 
 # ---- looks
@@ -265,12 +290,14 @@ def may_meet(b: Any, s: Any, i: Any, j: Any, speed: Any, now: Any, left: Any) ->
 @outlined
 def hasten(scene: Any, b: Any, motion: Any, t: Any, h: Any, second: Any) -> bool:
     """Have swift bodies meet what is on their way in a drift of h from time t on, the `second` of a step or the first.
-    Whether there are any; then `begun` has the times from which bodies move on as they are, where they are."""
+    Whether there are any; those that are on the list have made their drift then, but for joints."""
     s, count, n = scene.swift, 0, own(scene, b)
     for i in range(n):
         s.on[i] = 0
-        if is_swift(scene, b, motion, i, t, h):
+        swift = is_swift(scene, b, motion, i, t, h)
+        if swift or s.watch[i] > 0:
             count = enlist(s, count, i, 0.0)
+        s.watch[i] = WATCHED if swift else max(s.watch[i] - 1, 0)
     if count == 0:
         return False
     for i in range(b.w.size):
@@ -295,13 +322,15 @@ def hasten(scene: Any, b: Any, motion: Any, t: Any, h: Any, second: Any) -> bool
         if hit >= 0:
             begin_anew(scene, b, hit, now)
             count = enlist(s, count, hit, now)
+            s.watch[hit] = WATCHED
         for each in range(2):
             body = i if each == 0 else hit
             if body >= 0 and (s.impacts[body] > MOST_IMPACTS or s.looks[body] > MOST_LOOKS):
                 stop(b, s, body, now, h)
         i = next_of(s, count)
     for i in range(n):
-        bring(b, s, i, 0.0)
+        free = scene.joints is None or scene.joined[i] == 0
+        bring(b, s, i, h if free and s.on[i] > 0 else 0.0)
     return True
 
 
