@@ -19,7 +19,7 @@ from particlesim.engine.rigid.contact_rows import direct, speed_along
 from particlesim.engine.rigid.energy import NOISE
 from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.rotation import cross
-from particlesim.engine.rigid.solver import AGAIN, SETTLED, sweep
+from particlesim.engine.rigid.solver import relax
 from particlesim.engine.rigid.stops import tangent
 from particlesim.engine.rigid.timing import kick_along
 
@@ -39,7 +39,7 @@ def rebound(b: Any, k: Any, motion: Any, i: Any, j: Any, close: Any, late: Any) 
         body = i if each == 0 else j
         if body != WORLD:
             save(motion, motion.start, body)
-    settle(b, k, motion, count)
+    settle(b, k, motion, i, j, count)
     gained = work_of(b, motion, i, j, late)
     if gained > NOISE * energy_of_pair(b, motion, i, j) and not runs:
         yield_some(b, k, motion, i, j, late, count, gained)
@@ -68,15 +68,18 @@ def lay(b: Any, k: Any, motion: Any, c: Any, late: Any) -> None:
     k.target[c] = max(-k.surface[0, c] * meets - more, 0.0) if meets < 0 else 0.0
 
 
-def settle(b: Any, k: Any, motion: Any, count: Any) -> None:
-    """Sweep over contacts until nothing changes any more."""
-    largest = 0.0
+@outlined
+def settle(b: Any, k: Any, motion: Any, i: Any, j: Any, count: Any) -> None:
+    """Find the impulses of the first `count` contacts of `order`, as the solver does for bodies that depend on each other."""
+    motion.contact_from[0], motion.contact_from[1] = 0, count
+    motion.body_from[0], motion.body_from[1] = 0, 1 if j == WORLD else 2
+    motion.bodies[0], motion.first_component[0], motion.largest[0] = i, -1, 0.0
+    if j != WORLD:
+        motion.bodies[1] = j
     for at in range(count):
         for d in range(3):
-            largest = max(largest, abs(speed_along(k, motion, k.order[at], d)))
-    for turn in range(AGAIN):
-        if not sweep(b, k, motion, 0, count, turn % 2 == 1) > SETTLED * largest:
-            break
+            motion.largest[0] = max(motion.largest[0], abs(speed_along(k, motion, k.order[at], d)))
+    relax(b, k, motion, None, 0)
 
 
 def save(motion: Any, copy: Any, i: Any) -> None:
@@ -140,7 +143,7 @@ def yield_some(b: Any, k: Any, motion: Any, i: Any, j: Any, late: Any, count: An
         k.target[c] = 0.0
         for d in range(4):
             k.impulse[c, d] = 0.0
-    settle(b, k, motion, count)
+    settle(b, k, motion, i, j, count)
     low = work_of(b, motion, i, j, late)
     for each in range(2):
         body = i if each == 0 else j

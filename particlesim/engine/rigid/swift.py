@@ -34,7 +34,7 @@ from particlesim.engine.rigid.rotation import dot, turned_freely
 from particlesim.engine.rigid.walls import probe, touch_wall
 from particlesim.laws.registry import gap
 
-SWIFT = 0.25
+SWIFT = 0.5
 """Way in a drift from which on a body is swift, in units of its inner radius."""
 STRIDE = 0.25
 """Way that a swift body comes without a look where it is near to others, in the same units."""
