@@ -70,7 +70,7 @@ def lay(b: Any, k: Any, motion: Any, c: Any, late: Any) -> None:
 
 @outlined
 def settle(b: Any, k: Any, motion: Any, i: Any, j: Any, count: Any) -> None:
-    """Find the impulses of the first `count` contacts of `order`, as the solver does for bodies that depend on each other."""
+    """Find the impulses of the first `count` contacts of `order`, as the solver does for a cluster."""
     motion.contact_from[0], motion.contact_from[1] = 0, count
     motion.body_from[0], motion.body_from[1] = 0, 1 if j == WORLD else 2
     motion.bodies[0], motion.first_component[0], motion.largest[0] = i, -1, 0.0

@@ -57,7 +57,8 @@ class Scene(NamedTuple):
     of the ball of the same volume and further attributes of each [n]; the overlap that is left alone [m]; 2 where forces
     depend on velocities, else 1. Joints, None without, and their limits and motors (`stops`); which bodies have one [n], and
     the bodies that each is joined to and does not touch (`partners`, from `partner_from` on). What is booked, None where
-    nothing is. Particles that may touch bodies (`guests`), which are the last bodies then, None where there are none. Room for what swift bodies meet (`swift`)."""
+    nothing is. Particles that may touch bodies (`guests`), which are the last bodies then, None where there are none.
+    Room for what swift bodies meet (`swift`)."""
 
     stretches: tuple[Stretch, ...]
     springs: tuple[Any, ...]

@@ -8,8 +8,8 @@ along the normal. There it rebounds (`impact`), and goes on with the rest of the
 
 The body whose safe time is the least comes next, so that impacts are met in the order of time; where others are by then
 follows from where they began. What has had `MOST_IMPACTS` rests where it is until the end of the drift, and is counted.
-Bodies that are not swift, and are not hit, make their drift as if nobody had looked, with the same bits. As the solver keeps swift
-bodies from what is next to them only, a body that was swift is looked at until the solver has seen it slow.
+Bodies that are not swift, and are not hit, make their drift as if nobody had looked, with the same bits. As the solver
+keeps swift bodies from what is next to them only, a body that was swift is looked at until the solver has seen it slow.
 
 Source: B. Mirtich, Impulse-based dynamic simulation of rigid body systems, thesis, Berkeley, 1996, chapter 2.
 """
@@ -24,7 +24,7 @@ from particlesim.bodies.pieces import CAPSULE
 from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.acting import sum_all_forces
-from particlesim.engine.rigid.bodies import WORLD, new_contacts, orientation, place, row
+from particlesim.engine.rigid.bodies import NOBODY, WORLD, new_contacts, orientation, place, row
 from particlesim.engine.rigid.broad import WATCHED, are_joined
 from particlesim.engine.rigid.contact_rows import direct, speed_along
 from particlesim.engine.rigid.free import move, own, velocity_of
@@ -74,7 +74,8 @@ class Swift(NamedTuple):
 
 def new_swift(shapes: Any, owner: Any) -> Swift:
     """Room for the bodies of groups with these shapes; `owner` is the group of each body."""
-    inner, reach = (np.array([each() for each in those]) for those in _sizes(shapes))
+    inner = np.array([shape.fineness() for shape in shapes])
+    reach = np.array([shape.reach() for shape in shapes])
     # A ball that turns stays where it is.
     lever = np.where(inner >= reach, 0.0, reach)
     core = np.array([all(p.kind <= CAPSULE and p.size[2] == 0 for p in s.own_pieces()) for s in shapes])
@@ -86,10 +87,6 @@ def new_swift(shapes: Any, owner: Any) -> Swift:
         *(begun, safe, impacts, looks, on, listed, new_contacts(ROOM), np.zeros(1)),
         *(np.zeros(n, np.int64), np.zeros(1, np.int64)),
     )
-
-
-def _sizes(shapes: Any) -> Any:
-    return [s.fineness for s in shapes], [s.reach for s in shapes]
 
 
 # ---- which bodies are swift
@@ -245,43 +242,44 @@ def look_at_body(scene: Any, b: Any, motion: Any, i: Any, j: Any, now: Any, left
 
 
 @outlined
-def look(scene: Any, b: Any, motion: Any, i: Any, t: Any, now: Any, left: Any, late: Any) -> Any:
-    """What body i meets at a time `now` of a drift: for how long it may go on, and the body that it hit, which may be a
-    collider; −2 for none."""
-    s, least, hit = scene.swift, left, NONE
+def look_at_walls(scene: Any, b: Any, motion: Any, i: Any, t: Any, left: Any, late: Any) -> float:
+    """For how long body i may go on at time t beside all colliders; −1 where it has rebounded from one."""
+    s, least = scene.swift, left
     for wall in scene.walls:
-        if hit == NONE and wall.on[b.group[i]] > 0:
-            free = look_at_wall(scene, wall, b, motion, i, t + now, left)
-            if free < 0:
+        if least >= 0 and wall.on[b.group[i]] > 0:
+            least = min(least, look_at_wall(scene, wall, b, motion, i, t, left))
+            if least < 0:
                 s.gain[0] += rebound(b, s.contacts, motion, i, WORLD, 2 * TOUCHING * s.inner[i], late)
-                hit = WORLD
+    return float(least)
+
+
+@outlined
+def look_at_bodies(scene: Any, b: Any, motion: Any, i: Any, now: Any, left: Any, late: Any) -> Any:
+    """For how long body i may go on beside all others, and the one that it has rebounded from, NOBODY if there is none."""
+    s, least, hit, speed = scene.swift, left, NOBODY, speed_of(scene, motion, i)
+    for j in range(own(scene, b)):
+        if hit == NOBODY and j != i and may_meet(scene, b, i, j, speed, now, left):
+            free = look_at_body(scene, b, motion, i, j, now, left)
             least = min(least, free)
-    speed, n = speed_of(scene, motion, i), own(scene, b)
-    for j in range(n):
-        if hit == NONE and j != i and scene.surfaces.touch[b.group[i], b.group[j]] > 0:
-            if may_meet(b, s, i, j, speed, now, left) and not are_joined(scene, i, j):
-                free = look_at_body(scene, b, motion, i, j, now, left)
-                if free < 0:
-                    close = 2 * TOUCHING * min(s.inner[i], s.inner[j])
-                    s.gain[0] += rebound(b, s.contacts, motion, i, j, close, late)
-                    hit = j
-                least = min(least, free)
+            if free < 0:
+                close = 2 * TOUCHING * min(s.inner[i], s.inner[j])
+                s.gain[0] += rebound(b, s.contacts, motion, i, j, close, late)
+                hit = j
     return least, hit
 
 
-NONE = -2
-"""Nothing is hit."""
-
-
-def may_meet(b: Any, s: Any, i: Any, j: Any, speed: Any, now: Any, left: Any) -> bool:
-    """Whether the balls about two bodies may come together in the rest of a drift."""
+def may_meet(scene: Any, b: Any, i: Any, j: Any, speed: Any, now: Any, left: Any) -> bool:
+    """Whether the balls about two bodies that touch each other may come together in the rest of a drift."""
+    s = scene.swift
+    if not scene.surfaces.touch[b.group[i], b.group[j]] > 0:
+        return False
     past = max(now - s.begun[j], 0.0)
     dx = b.x[0, i] - s.pose[j, 0] - past * b.v[0, j]
     dy = b.x[1, i] - s.pose[j, 1] - past * b.v[1, j]
     dz = b.x[2, i] - s.pose[j, 2] - past * b.v[2, j]
     own_speed = np.sqrt(b.v[0, j] * b.v[0, j] + b.v[1, j] * b.v[1, j] + b.v[2, j] * b.v[2, j])
     near = b.reach[i] + b.reach[j] + left * (speed + own_speed)
-    return bool(dx * dx + dy * dy + dz * dz < near * near)
+    return bool(dx * dx + dy * dy + dz * dz < near * near) and not are_joined(scene, i, j)
 
 
 # ---- a drift
@@ -291,47 +289,66 @@ def may_meet(b: Any, s: Any, i: Any, j: Any, speed: Any, now: Any, left: Any) ->
 def hasten(scene: Any, b: Any, motion: Any, t: Any, h: Any, second: Any) -> bool:
     """Have swift bodies meet what is on their way in a drift of h from time t on, the `second` of a step or the first.
     Whether there are any; those that are on the list have made their drift then, but for joints."""
-    s, count, n = scene.swift, 0, own(scene, b)
-    for i in range(n):
-        s.on[i] = 0
-        swift = is_swift(scene, b, motion, i, t, h)
-        if swift or s.watch[i] > 0:
-            count = enlist(s, count, i, 0.0)
-        s.watch[i] = WATCHED if swift else max(s.watch[i] - 1, 0)
+    s, count = scene.swift, list_swift(scene, b, motion, t, h)
     if count == 0:
         return False
     for i in range(b.w.size):
         velocity_of(b, motion, i)
     if not second:  # else they are those of the kick
         sum_all_forces(scene, b, motion, t)
-    for i in range(n):
-        keep_place(b, s, i)
-        s.begun[i] = s.impacts[i] = s.looks[i] = 0.0
-        s.safe[i] = s.safe[i] if s.on[i] > 0 else h
     i = next_of(s, count)
     while s.safe[i] < h:
-        now = s.safe[i]
-        bring(b, s, i, now)
-        velocity_of(b, motion, i)
-        free, hit = look(scene, b, motion, i, t, now, h - now, now - h if second else now)
-        s.safe[i] = min(now + free, h)
-        s.looks[i] += 1
-        if hit != NONE:
-            begin_anew(scene, b, i, now)
-            count = enlist(s, count, i, now)
-        if hit >= 0:
-            begin_anew(scene, b, hit, now)
-            count = enlist(s, count, hit, now)
-            s.watch[hit] = WATCHED
-        for each in range(2):
-            body = i if each == 0 else hit
-            if body >= 0 and (s.impacts[body] > MOST_IMPACTS or s.looks[body] > MOST_LOOKS):
-                stop(b, s, body, now, h)
+        count = go_on(scene, b, motion, i, count, t, h, second)
         i = next_of(s, count)
-    for i in range(n):
+    for i in range(own(scene, b)):
         free = scene.joints is None or scene.joined[i] == 0
         bring(b, s, i, h if free and s.on[i] > 0 else 0.0)
     return True
+
+
+def list_swift(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> Any:
+    """List the bodies that are or were swift, and have a drift begin; how many there are."""
+    s, count = scene.swift, 0
+    for i in range(own(scene, b)):
+        s.on[i] = 0
+        s.safe[i] = h
+        swift = is_swift(scene, b, motion, i, t, h)
+        if swift or s.watch[i] > 0:
+            count = enlist(s, count, i, 0.0)
+        s.watch[i] = WATCHED if swift else max(s.watch[i] - 1, 0)
+    for i in range(own(scene, b) if count > 0 else 0):
+        keep_place(b, s, i)
+        s.begun[i] = s.impacts[i] = s.looks[i] = 0.0
+    return count
+
+
+@outlined
+def go_on(scene: Any, b: Any, motion: Any, i: Any, count: Any, t: Any, h: Any, second: Any) -> Any:
+    """Body i goes to the end of its safe time and looks around; how many are on the list then."""
+    s, hit, now = scene.swift, NOBODY, scene.swift.safe[i]
+    late = now - h if second else now
+    bring(b, s, i, now)
+    velocity_of(b, motion, i)
+    free = look_at_walls(scene, b, motion, i, t + now, h - now, late)
+    struck = free < 0
+    if not struck:
+        beside, hit = look_at_bodies(scene, b, motion, i, now, h - now, late)
+        free = min(free, beside)
+        struck = hit != NOBODY
+    s.safe[i] = min(now + free, h)
+    s.looks[i] += 1
+    if struck:
+        begin_anew(scene, b, i, now)
+        count = enlist(s, count, i, now)
+    if hit != NOBODY:
+        begin_anew(scene, b, hit, now)
+        count = enlist(s, count, hit, now)
+        s.watch[hit] = WATCHED
+    for each in range(2):
+        body = i if each == 0 else hit
+        if body != NOBODY and (s.impacts[body] > MOST_IMPACTS or s.looks[body] > MOST_LOOKS):
+            stop(b, s, body, now, h)
+    return count
 
 
 def next_of(s: Any, count: Any) -> Any:
