@@ -9,7 +9,7 @@ along the normal. There it rebounds (`impact`), and goes on with the rest of the
 The body whose safe time is the least comes next, so that impacts are met in the order of time; where others are by then
 follows from where they began. What has had `MOST_IMPACTS` rests where it is until the end of the drift, and is counted.
 Bodies that are not swift, and are not hit, make their drift as if nobody had looked, with the same bits. As the solver
-keeps swift bodies from what is next to them only, a body that was swift is looked at until the solver has seen it slow.
+keeps very swift bodies from what is next to them only, one that was so is looked at until the solver has seen it slow.
 
 Source: B. Mirtich, Impulse-based dynamic simulation of rigid body systems, thesis, Berkeley, 1996, chapter 2.
 """
@@ -34,8 +34,8 @@ from particlesim.engine.rigid.rotation import dot, turned_freely
 from particlesim.engine.rigid.walls import probe, touch_wall
 from particlesim.laws.registry import gap
 
-SWIFT = 0.5
-"""Way in a drift from which on a body is swift, in units of its inner radius."""
+SWIFT, VERY = 0.25, 0.5
+"""Way in a drift from which on a body is swift, and very much so, in units of its inner radius."""
 STRIDE = 0.25
 """Way that a swift body comes without a look where it is near to others, in the same units."""
 TOUCHING = 1e-4
@@ -109,23 +109,24 @@ def speed_of_wall(wall: Any, b: Any, i: Any, t: Any) -> Any:
 
 
 @outlined
-def is_swift(scene: Any, b: Any, motion: Any, i: Any, t: Any, h: Any) -> bool:
-    """Whether body i is swift in a drift of h, by itself or by a collider that comes to it."""
+def way_of(scene: Any, b: Any, motion: Any, i: Any, t: Any, h: Any) -> float:
+    """How far some place of body i comes in a drift of h, by itself or on a collider that comes to it [m]; not less if that
+    makes it swift."""
     s, v, spin = scene.swift, b.v, b.spin
-    own_speed = np.sqrt(v[0, i] * v[0, i] + v[1, i] * v[1, i] + v[2, i] * v[2, i])
+    along = np.sqrt(v[0, i] * v[0, i] + v[1, i] * v[1, i] + v[2, i] * v[2, i])
     least = min(b.inertia[0, i], min(b.inertia[1, i], b.inertia[2, i]))
     turning = np.sqrt(spin[0, i] * spin[0, i] + spin[1, i] * spin[1, i] + spin[2, i] * spin[2, i]) / least
-    limit = SWIFT * s.inner[i]
-    way = h * (own_speed + turning * s.lever[i])
-    if way > limit:  # the angular velocity may be less than that
+    way = h * (along + turning * s.lever[i])
+    if way > SWIFT * s.inner[i]:  # the angular velocity may be less than that
         velocity_of(b, motion, i)
         way = h * speed_of(scene, motion, i)
-    swift = way > limit
+    most = way
     for wall in scene.walls:
         if isinstance(wall.shape, MovingRecord) and wall.on[b.group[i]] > 0:
             more = way + h * speed_of_wall(wall, b, i, t)
-            swift = swift or (more > limit and gap(wall.shape, probe(place(b, i), b.reach[i], t)) < more)
-    return bool(swift and way < np.inf)
+            if more > SWIFT * s.inner[i] and gap(wall.shape, probe(place(b, i), b.reach[i], t)) < more:
+                most = max(most, more)
+    return float(most)
 
 
 def enlist(s: Any, count: Any, i: Any, t: Any) -> Any:
@@ -312,10 +313,10 @@ def list_swift(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> Any:
     for i in range(own(scene, b)):
         s.on[i] = 0
         s.safe[i] = h
-        swift = is_swift(scene, b, motion, i, t, h)
-        if swift or s.watch[i] > 0:
+        way = way_of(scene, b, motion, i, t, h)
+        if way < np.inf and (way > SWIFT * s.inner[i] or s.watch[i] > 0):
             count = enlist(s, count, i, 0.0)
-        s.watch[i] = WATCHED if swift else max(s.watch[i] - 1, 0)
+        s.watch[i] = WATCHED if way > VERY * s.inner[i] else max(s.watch[i] - 1, 0)
     for i in range(own(scene, b) if count > 0 else 0):
         keep_place(b, s, i)
         s.begun[i] = s.impacts[i] = s.looks[i] = 0.0
