@@ -105,6 +105,10 @@ class World:
         """In how many steps of one particle each there were more impacts than are followed."""
         return sum(state.exhausted_steps() for state in self.states)
 
+    def stopped_bodies(self) -> int:
+        """How often a rigid body had more impacts in half a step than are followed."""
+        return sum(island.stopped_bodies() for island in self.islands)
+
     def missed_crossings(self) -> int:
         """How often particles have passed a collider that looks at the end of steps alone without being seen."""
         return sum(state.missed_crossings() for state in self.states)

@@ -16,6 +16,7 @@ from particlesim.engine.diagnosis.crowding import crowded, crowded_births
 from particlesim.engine.diagnosis.haste import Haste, haste
 from particlesim.engine.diagnosis.overlaps import Caught, caught, no_room, overlaps
 from particlesim.engine.islands.base import Intrusion
+from particlesim.engine.rigid.swift import MOST_IMPACTS
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import double_advised, remedy
 from particlesim.engine.step.following import MAX_IMPACTS
@@ -362,7 +363,20 @@ def missed(world: World) -> tuple[str, ...]:
 
 
 def exhausted(world: World) -> tuple[str, ...]:
-    """A sentence where particles have had more impacts in a step than are followed."""
+    """Sentences where particles or rigid bodies have had more impacts in a step than are followed."""
+    return (*_stopped(world), *_exhausted(world))
+
+
+def _stopped(world: World) -> tuple[str, ...]:
+    if (number := world.stopped_bodies()) == 0:
+        return ()
+    return (
+        f"{'once' if number == 1 else f'{number:,} times'} a rigid body had more than {MOST_IMPACTS} impacts in half a "
+        "step, and rested until its end: a smaller dt lets it rebound, unless there is no room for it",
+    )
+
+
+def _exhausted(world: World) -> tuple[str, ...]:
     if (number := world.exhausted_steps()) == 0:
         return ()
     return (

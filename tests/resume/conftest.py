@@ -240,8 +240,30 @@ CRUSHED: Table = {
     ],
 }
 
+# Bricks that pass each other and walls by their own size in a step, but for what they meet.
+SWIFT: Table = {
+    "simulation": {"duration": 0.2, "dt": 0.001, "seed": 2},
+    "output": {"every": 10, "precision": "double", "work": True},
+    "bodies": [
+        {
+            "name": "bricks",
+            "shape": {"type": "box", "size": [0.1, 0.15, 0.2]},
+            "orientation": "random",
+            "restitution": 0.95,
+            "layout": {
+                "type": "points",
+                "position": [[-0.3, 0, 0], [0, 0, 0], [0.3, 0, 0]],
+                "velocity": [[150, 40, 0], [0, 0, 0], [0, -90, 70]],
+            },
+        },
+    ],
+    "forces": [{"type": "gravity"}],
+    "colliders": [{"type": "box", "size": [1, 1, 1], "inside": True, "restitution": 0.95}],
+}
+
 KINDS = {
     "bodies": BODIES,
+    "swift": SWIFT,
     "fountain": FOUNTAIN,
     "cloth": CLOTH,
     "memory": MEMORY,

@@ -206,6 +206,10 @@ class BaseIsland:
             if each.broke is not None
         }
 
+    def stopped_bodies(self) -> int:
+        """How often a rigid body had more impacts than are followed."""
+        return 0
+
     def topology(self) -> list[Topology]:
         """The springs, rods and surfaces of its particles, for a trajectory."""
         raise NotImplementedError

@@ -132,6 +132,8 @@ class RigidIsland(BaseIsland):
         self.kept_from = 0
         self._party: tuple[Bodies, Scene, Motion] | None = None
         self._asked = False
+        self.watch, self.tired = np.zeros(count, np.int64), np.zeros(1, np.int64)
+        """Which bodies have been swift, and how often they met more in half a step than is followed (`swift`)."""
         self.visitors: Visitors | None = None
         """Particles that make the next step among the bodies."""
         self.pull_on: Callable[[float, Floats | None], tuple[Floats, Floats]] | None = None
@@ -222,7 +224,7 @@ class RigidIsland(BaseIsland):
         """A step with particles among the bodies."""
         b, report = self.bodies(), np.zeros(2)
         whole, scene, motion = self._received(b, visitors)
-        guests = scene.guests
+        guests, hurried = scene.guests, (self.watch.copy(), self.tired.copy())
         if self._asked and self.pull_on is not None:  # as it would be asked for again
             visitors = inform(guests, visitors, self.pull_on(step * self.dt, None)[0], self.dt)
         while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
@@ -238,6 +240,7 @@ class RigidIsland(BaseIsland):
             else:
                 return self._fault(step, opened=report[0] == UNHELD)
             fill(whole, b, visitors)  # from its beginning
+            self.watch[:], self.tired[:] = hurried
             report[0] = GOOD
         self._have(whole)
         self._asked, self.visitors = lies(guests), visitors
@@ -284,8 +287,11 @@ class RigidIsland(BaseIsland):
 
     def _booking(self) -> Scene:
         """What acts on the bodies, and the books of it."""
-        books, work = self.books, self._scene.work
-        return self._scene if books is None else self._scene._replace(work=work._replace(totals=books.totals))
+        swift = self._scene.swift._replace(watch=self.watch, tired=self.tired)
+        scene = self._scene._replace(swift=swift)
+        if self.books is None:
+            return scene
+        return scene._replace(work=scene.work._replace(totals=self.books.totals))
 
     def _make_room(self, contacts: int) -> None:
         """Room for more contacts; what is known of the last ones stays."""
@@ -366,14 +372,15 @@ class RigidIsland(BaseIsland):
     def _changing(self) -> list[NDArray[Any]]:
         """All that steps change, but for what is remembered of contacts."""
         b = self.bodies()
-        return [b.x, b.v, b.turn, b.spin, *self.broken.values(), *self.ties.gained.values()]
+        own = (b.x, b.v, b.turn, b.spin, self.watch, self.tired)
+        return [*own, *self.broken.values(), *self.ties.gained.values()]
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
         now, memory = [array.copy() for array in self._changing()], self.memory
         self.go_back()
         # What hangs on rods is not there: they do without it.
         joints = None if self.ties.held else self._scene.joints
-        scene = self._scene._replace(work=None, joints=joints)
+        scene = self._booking()._replace(work=None, joints=joints)
         done, report = 0, np.zeros(2)
         while done < steps and report[0] in (0, FULL):
             given = (self.bodies(), self._contacts, self._motion, self.memory)
@@ -429,6 +436,9 @@ class RigidIsland(BaseIsland):
 
     def broke(self) -> dict[str, Floats]:
         return self.broken
+
+    def stopped_bodies(self) -> int:
+        return int(self.tired[0])
 
     def turning(self) -> NDArray[np.float64]:
         velocities_of(self.bodies(), self._motion)

@@ -20,6 +20,7 @@ from particlesim.engine.rigid.kernel import Scene, Stretch
 from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.rolling import Rolling
 from particlesim.engine.rigid.spring_layout import Laid
+from particlesim.engine.rigid.swift import new_swift
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
 from particlesim.engine.state.group_state import GroupState
@@ -90,6 +91,7 @@ def scene_of(
         partners,
         partner_from,
         None if books is None else _work(books, springs, groups),
+        swift=new_swift([group.shape for group in groups], owner),
     )
     return scene, order
 

@@ -13,6 +13,12 @@ from particlesim.engine.rigid.rolling import find_rolling
 from particlesim.engine.rigid.stops import find_stops
 from particlesim.engine.rigid.walls import spin_of, touch_wall
 
+WATCHED = 2
+"""Drifts for which what was swift is looked at (`swift`)."""
+NEAR = 0.1
+"""Contacts that swift bodies have in the middle of a step are as near, in units of their inner radius: what is farther they
+meet in a drift. If they were kept from all that they may reach, they could not rebound from one into another."""
+
 
 def are_joined(scene: Any, i: Any, j: Any) -> bool:
     """Whether a joint holds two bodies together that do not touch each other."""
@@ -37,7 +43,10 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
         m = motion.now[i]
         speed = np.sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2])
         turning = np.sqrt(m[3] * m[3] + m[4] * m[4] + m[5] * m[5])
-        margin[i] = h * (speed + turning * b.reach[i]) + 2 * scene.slop
+        way = h * (speed + turning * b.reach[i])
+        if scene.swift.watch[i] == WATCHED and (scene.joints is None or scene.joined[i] == 0):
+            way = min(way, NEAR * scene.swift.inner[i])
+        margin[i] = way + 2 * scene.slop
     for wall in scene.walls:
         for i in range(n):
             if wall.on[b.group[i]] > 0:

@@ -16,6 +16,7 @@ from particlesim.compiler import kernel, outlined
 from particlesim.engine.rigid.acting import potential_of, power, sum_all_forces
 from particlesim.engine.rigid.bodies import orientation, place, row
 from particlesim.engine.rigid.broad import find_contacts
+from particlesim.engine.rigid.free import move, own
 from particlesim.engine.rigid.grains import asks, settle_guests
 from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.narrow import entry, plus
@@ -23,11 +24,11 @@ from particlesim.engine.rigid.rotation import (
     dot,
     normalised,
     turned_by,
-    turned_freely,
 )
 from particlesim.engine.rigid.solver import lay_out, push_apart, solve, solve_again, velocities
 from particlesim.engine.rigid.springs import snap
 from particlesim.engine.rigid.stops import motor_work
+from particlesim.engine.rigid.swift import hasten
 from particlesim.engine.rigid.work import (
     copy_velocities,
     damped_work,
@@ -56,7 +57,8 @@ class Scene(NamedTuple):
     of the ball of the same volume and further attributes of each [n]; the overlap that is left alone [m]; 2 where forces
     depend on velocities, else 1. Joints, None without, and their limits and motors (`stops`); which bodies have one [n], and
     the bodies that each is joined to and does not touch (`partners`, from `partner_from` on). What is booked, None where
-    nothing is. Particles that may touch bodies (`guests`), which are the last bodies then, None where there are none."""
+    nothing is. Particles that may touch bodies (`guests`), which are the last bodies then, None where there are none.
+    Room for what swift bodies meet (`swift`)."""
 
     stretches: tuple[Stretch, ...]
     springs: tuple[Any, ...]
@@ -75,6 +77,7 @@ class Scene(NamedTuple):
     partner_from: Any
     work: Any
     guests: Any = None
+    swift: Any = None
 
 
 @outlined
@@ -110,11 +113,6 @@ def kick(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
     for i in range(b.w.size):
         f = motion.pull[i]
         give(b, motion, i, (h * f[0], h * f[1], h * f[2]), (h * f[3], h * f[4], h * f[5]))
-
-
-def own(scene: Any, b: Any) -> int:
-    """How many bodies there are without guests."""
-    return int(b.w.size if scene.guests is None else scene.guests.first)
 
 
 @outlined
@@ -164,20 +162,15 @@ def give(b: Any, motion: Any, i: Any, impulse: Any, twist: Any) -> None:
     motion.now[i, 5] += inverse[4] * twist[0] + inverse[5] * twist[1] + inverse[2] * twist[2]
 
 
-def move(b: Any, i: Any, h: Any) -> None:
-    """Move and turn a body freely."""
-    for axis in range(3):
-        b.x[axis, i] += h * b.v[axis, i]
-    q = turned_freely(orientation(b, i), row(b.spin, i), row(b.inertia, i), h)
-    b.turn[0, i], b.turn[1, i], b.turn[2, i], b.turn[3, i] = q
-
-
 @outlined
-def drift(scene: Any, b: Any, motion: Any, h: Any, second: Any) -> bool:
-    """Move and turn all bodies in half a step, freely but for their joints; whether joints could be held. The second half
-    of those that hold particles by rods has its end with these (`hold_ends`)."""
+def drift(scene: Any, b: Any, motion: Any, t: Any, h: Any, second: Any) -> bool:
+    """Move and turn all bodies in half a step of length h, from time t on, freely but for their joints and for what swift
+    ones meet; whether joints could be held. The second half of those that hold particles by rods has its end with these
+    (`hold_ends`)."""
+    swift, n = hasten(scene, b, motion, t, h, second), own(scene, b)
     for i in range(b.w.size):
-        if scene.joints is None or scene.joined[i] == 0:
+        gone = swift and i < n and scene.swift.on[i] > 0
+        if (scene.joints is None or scene.joined[i] == 0) and not gone:
             move(b, i, h)
     held = True
     if scene.joints is not None:
@@ -241,9 +234,11 @@ def step_bodies(
     """
     for step in range(steps):
         middle = (first + step + 0.5) * dt
-        if report[0] != FULL and not drift(scene, b, motion, 0.5 * dt, False):
-            report[0] = UNHELD
-            return step
+        if report[0] != FULL:
+            scene.swift.gain[0] = 0.0
+            if not drift(scene, b, motion, (first + step) * dt, 0.5 * dt, False):
+                report[0] = UNHELD
+                return step
         report[0] = GOOD
         velocities(b, motion)
         find_contacts(scene, b, k, motion, memory, middle, dt)
@@ -268,9 +263,11 @@ def step_bodies(
             if scene.work is not None:
                 velocities(b, motion)
                 scene.work.totals[scene.work.contact] += energy_of(scene, b, motion, middle) - before
-        if not (held and drift(scene, b, motion, 0.5 * dt, True)):
+        if not (held and drift(scene, b, motion, middle, 0.5 * dt, True)):
             report[0] = UNHELD
             return step
+        if scene.work is not None:
+            scene.work.totals[scene.work.contact] += scene.swift.gain[0]
         if not finite(b):
             report[0] = WILD
             return step

@@ -23,16 +23,17 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined, shared
-from particlesim.engine.rigid.bodies import WORLD, orientation, row
+from particlesim.engine.rigid.bodies import WORLD, row
 from particlesim.engine.rigid.clusters import gather, root
 from particlesim.engine.rigid.contact_rows import bounded, direct, speed_along, strike
 from particlesim.engine.rigid.energy import LIES, against_forces, gains, hold_back, keep, of_time
 from particlesim.engine.rigid.equations import MOST_BODIES, STEEP
+from particlesim.engine.rigid.free import velocity_of
 from particlesim.engine.rigid.joints import level
 from particlesim.engine.rigid.memory import recall, remember
 from particlesim.engine.rigid.multipliers import begin_anew, correct, keep_impulses, set_bounds
 from particlesim.engine.rigid.narrow import clamped
-from particlesim.engine.rigid.rotation import cross, turned_by, world_inverse
+from particlesim.engine.rigid.rotation import cross
 from particlesim.engine.rigid.stops import MOTOR, ROLL, lay_turn, tangent
 from particlesim.engine.rigid.timing import RESTING, answered, find_carried, lean, turned_around
 
@@ -58,14 +59,7 @@ PART = 0.2
 def velocities(b: Any, motion: Any) -> None:
     """Velocity and angular velocity of all bodies as they are."""
     for i in range(b.w.size):
-        q = orientation(b, i)
-        inertia = row(b.inertia, i)
-        world_inverse(q, inertia, motion.inverse[i])
-        turning = turned_by(motion.inverse[i], row(b.spin, i))
-        for axis in range(3):
-            motion.now[i, axis] = b.v[axis, i]
-            motion.gained[i, axis] = 0.0
-        motion.now[i, 3], motion.now[i, 4], motion.now[i, 5] = turning
+        velocity_of(b, motion, i)
 
 
 @shared

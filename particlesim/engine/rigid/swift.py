@@ -1,0 +1,383 @@
+"""Swift bodies: what a body meets in a drift that is long for its size, found before it passes it.
+
+A body is swift in a drift of length h if some place of it comes farther than `SWIFT` of its inner radius r. It goes from one
+safe time to the next (conservative advancement): with a distance d to all else, which nothing comes nearer to than by the
+speed |v| + ω R of any of its places and that of the other, it is safe for d over the sum of the speeds. Near to others it
+takes strides of `STRIDE` r, as bodies that are not swift do without a look, or goes to where a contact closes at its speed
+along the normal. There it rebounds (`impact`), and goes on with the rest of the drift.
+
+The body whose safe time is the least comes next, so that impacts are met in the order of time; where others are by then
+follows from where they began. What has had `MOST_IMPACTS` rests where it is until the end of the drift, and is counted.
+Bodies that are not swift, and are not hit, make their drift as if nobody had looked, with the same bits. As the solver
+keeps very swift bodies from what is next to them only, one that was so is looked at until the solver has seen it slow.
+
+Source: B. Mirtich, Impulse-based dynamic simulation of rigid body systems, thesis, Berkeley, 1996, chapter 2.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.bodies.pieces import CAPSULE
+from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
+from particlesim.compiler import outlined
+from particlesim.engine.rigid.acting import sum_all_forces
+from particlesim.engine.rigid.bodies import NOBODY, WORLD, new_contacts, orientation, place, row
+from particlesim.engine.rigid.broad import WATCHED, are_joined
+from particlesim.engine.rigid.contact_rows import direct, speed_along
+from particlesim.engine.rigid.free import move, own, velocity_of
+from particlesim.engine.rigid.impact import rebound
+from particlesim.engine.rigid.narrow import minus, touch
+from particlesim.engine.rigid.rotation import dot, turned_freely
+from particlesim.engine.rigid.walls import probe, touch_wall
+from particlesim.laws.registry import gap
+
+SWIFT, VERY, JOINED = 0.25, 0.5, 1.0
+"""Way in a drift from which on a body is swift, and very much so, in units of its inner radius; and one in a joint, whose
+impacts the solver knows better, as it solves for joints with them."""
+STRIDE = 0.25
+"""Way that a swift body comes without a look where it is near to others, in the same units."""
+TOUCHING = 1e-4
+"""Gap at which an impact is given, in the same units. What closes by less in a drift is left to the solver."""
+MOST_IMPACTS, MOST_LOOKS = 256, 100_000
+"""Impacts and looks of a body in a drift, after which it rests."""
+TURN, MOST_TURNS = 0.1, 100
+"""Angle by which a swift body turns at once, and how often it does so at most. Between impacts its energy swings by the
+square of this; if it were by that of all its turn, impacts would come to have part of the swings for good."""
+ROOM = 4096
+"""Contacts of one body with one other for which there is room."""
+
+
+class Swift(NamedTuple):
+    """Room for what swift bodies do. By body: its inner radius, the farthest place from its centre that comes elsewhere when
+    it turns [m], 1 where all of its pieces are spheres and capsules; where its way began [n, 7], when, until when it is
+    safe [s], and its impacts and looks in this drift [n]; whether it is on the list, and the list [n]. Contacts of a pair;
+    the work of impacts in a step [J]. For how many drifts bodies are looked at if they are swift no more [n], and how often
+    they had more impacts than are followed, since the start."""
+
+    inner: Any
+    lever: Any
+    core: Any
+    pose: Any
+    begun: Any
+    safe: Any
+    impacts: Any
+    looks: Any
+    on: Any
+    listed: Any
+    contacts: Any
+    gain: Any
+    watch: Any
+    tired: Any
+
+
+def new_swift(shapes: Any, owner: Any) -> Swift:
+    """Room for the bodies of groups with these shapes; `owner` is the group of each body."""
+    inner = np.array([shape.fineness() for shape in shapes])
+    reach = np.array([shape.reach() for shape in shapes])
+    # A ball that turns stays where it is.
+    lever = np.where(inner >= reach, 0.0, reach)
+    core = np.array([all(p.kind <= CAPSULE and p.size[2] == 0 for p in s.own_pieces()) for s in shapes])
+    n = len(owner)
+    begun, safe, impacts, looks = (np.zeros(n) for _ in range(4))
+    on, listed = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    return Swift(
+        *(inner[owner], lever[owner], core.astype(np.int64)[owner], np.zeros((n, 7))),
+        *(begun, safe, impacts, looks, on, listed, new_contacts(ROOM), np.zeros(1)),
+        *(np.zeros(n, np.int64), np.zeros(1, np.int64)),
+    )
+
+
+# ---- which bodies are swift
+
+
+def speed_of(scene: Any, motion: Any, i: Any) -> Any:
+    """A speed that no place of body i exceeds [m/s]."""
+    m = motion.now[i]
+    turning = np.sqrt(m[3] * m[3] + m[4] * m[4] + m[5] * m[5])
+    return np.sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) + turning * scene.swift.lever[i]
+
+
+def speed_of_wall(wall: Any, b: Any, i: Any, t: Any) -> Any:
+    """A speed that the surface of a collider does not exceed at body i [m/s]."""
+    if isinstance(wall.shape, MovingRecord):
+        w = surface_velocity(wall.shape, frame_at(wall.shape, t, 0.0), b.x[0, i], b.x[1, i], b.x[2, i])
+        rate = 0.0 if wall.shape.spin is None else abs(wall.shape.spin.rate)
+        return np.sqrt(dot(w, w)) + rate * b.reach[i]
+    return 0.0
+
+
+@outlined
+def way_of(scene: Any, b: Any, motion: Any, i: Any, t: Any, h: Any) -> float:
+    """How far some place of body i comes in a drift of h, by itself or on a collider that comes to it [m]; not less if that
+    makes it swift."""
+    s, v, spin = scene.swift, b.v, b.spin
+    along = np.sqrt(v[0, i] * v[0, i] + v[1, i] * v[1, i] + v[2, i] * v[2, i])
+    least = min(b.inertia[0, i], min(b.inertia[1, i], b.inertia[2, i]))
+    turning = np.sqrt(spin[0, i] * spin[0, i] + spin[1, i] * spin[1, i] + spin[2, i] * spin[2, i]) / least
+    way = h * (along + turning * s.lever[i])
+    if way > SWIFT * s.inner[i]:  # the angular velocity may be less than that
+        velocity_of(b, motion, i)
+        way = h * speed_of(scene, motion, i)
+    most = way
+    for wall in scene.walls:
+        if isinstance(wall.shape, MovingRecord) and wall.on[b.group[i]] > 0:
+            more = way + h * speed_of_wall(wall, b, i, t)
+            if more > SWIFT * s.inner[i] and gap(wall.shape, probe(place(b, i), b.reach[i], t)) < more:
+                most = max(most, more)
+    return float(most)
+
+
+def enlist(s: Any, count: Any, i: Any, t: Any) -> Any:
+    """Put a body on the list, with no look beyond time t; how many there are then."""
+    s.safe[i] = t
+    if s.on[i] > 0:
+        return count
+    s.on[i], s.listed[count] = 1, i
+    return count + 1
+
+
+# ---- where bodies are
+
+
+def keep_place(b: Any, s: Any, i: Any) -> None:
+    """The way of body i begins where it is."""
+    for axis in range(3):
+        s.pose[i, axis] = b.x[axis, i]
+    for axis in range(4):
+        s.pose[i, 3 + axis] = b.turn[axis, i]
+
+
+def bring(b: Any, s: Any, i: Any, now: Any) -> None:
+    """Body i is where it is after a time `now` of the drift."""
+    for axis in range(3):
+        b.x[axis, i] = s.pose[i, axis]
+    for axis in range(4):
+        b.turn[axis, i] = s.pose[i, 3 + axis]
+    if now > s.begun[i]:
+        go(b, i, now - s.begun[i], s.on[i] > 0)
+
+
+def go(b: Any, i: Any, h: Any, swift: Any) -> None:
+    """Move and turn a body freely; one that is swift by as many turns as it takes for none to be large. There are as many as
+    long as nothing acts on it."""
+    turns = 1
+    if swift:
+        spin, least = row(b.spin, i), min(b.inertia[0, i], min(b.inertia[1, i], b.inertia[2, i]))
+        parts = h * np.sqrt(dot(spin, spin)) / least / TURN
+        turns = 1 + int(parts) if parts < MOST_TURNS else MOST_TURNS
+    if turns == 1:
+        move(b, i, h)
+        return
+    for axis in range(3):
+        b.x[axis, i] += h * b.v[axis, i]
+    for _ in range(turns):
+        q = turned_freely(orientation(b, i), row(b.spin, i), row(b.inertia, i), h / turns)
+        b.turn[0, i], b.turn[1, i], b.turn[2, i], b.turn[3, i] = q
+
+
+# ---- looks
+
+
+@outlined
+def outlook(scene: Any, b: Any, motion: Any, i: Any, j: Any, fast: Any, known: Any, left: Any) -> float:
+    """For how long bodies i and j, or i and a collider, may go on with the contacts that were found; −1 where they hit each
+    other now. No place comes nearer to the other faster than `fast`; where it is not `known` that there are no other
+    contacts on the way, they take a stride at most."""
+    s, k = scene.swift, scene.swift.contacts
+    inner = s.inner[i] if j == WORLD else min(s.inner[i], s.inner[j])
+    touching, stride = TOUCHING * inner, STRIDE * inner / fast
+    least, soonest, hits = fast * left, left, False
+    for c in range(k.number[0]):
+        n, at = (
+            (k.normal[0, c], k.normal[1, c], k.normal[2, c]),
+            (k.point[0, c], k.point[1, c], k.point[2, c]),
+        )
+        direct(b, k, motion, c, 0, k.first[c], k.second[c], at, n)
+        u, g = speed_along(k, motion, c, 0), k.gap[c]
+        least = min(least, g)
+        if -u * left > max(g, 0.0) + touching:
+            if g <= touching:
+                hits = True
+            else:
+                soonest = min(soonest, (g - 0.5 * touching) / -u)
+    if hits:
+        return -1.0
+    free = least / fast if known and k.number[1] == 0 else stride
+    return float(min(max(free, stride), soonest))
+
+
+@outlined
+def look_at_wall(scene: Any, wall: Any, b: Any, motion: Any, i: Any, t: Any, left: Any) -> float:
+    """For how long body i may go on beside a collider; −1 where it hits it now. Their contacts are in `contacts` then."""
+    k = scene.swift.contacts
+    fast = speed_of(scene, motion, i) + speed_of_wall(wall, b, i, t)
+    far = gap(wall.shape, probe(place(b, i), b.reach[i], t))
+    if far > fast * left:
+        return float(left)
+    if far > STRIDE * scene.swift.inner[i]:
+        return float(far / fast)
+    k.number[0] = k.number[1] = 0
+    touch_wall(wall, b, k, i, fast * left + TOUCHING * scene.swift.inner[i], t, 0.0)
+    return outlook(scene, b, motion, i, WORLD, fast, True, left)
+
+
+@outlined
+def look_at_body(scene: Any, b: Any, motion: Any, i: Any, j: Any, now: Any, left: Any) -> float:
+    """The same beside body j."""
+    s, k = scene.swift, scene.swift.contacts
+    bring(b, s, j, now)
+    velocity_of(b, motion, j)
+    fast = speed_of(scene, motion, i) + speed_of(scene, motion, j)
+    d = minus(place(b, i), place(b, j))
+    far = np.sqrt(dot(d, d)) - b.reach[i] - b.reach[j]
+    inner = min(s.inner[i], s.inner[j])
+    if far > fast * left:
+        return float(left)
+    if far > STRIDE * inner:
+        return float(far / fast)
+    k.number[0] = k.number[1] = 0
+    touch(b, k, scene.surfaces, min(i, j), max(i, j), fast * left + TOUCHING * inner)
+    return outlook(scene, b, motion, i, j, fast, s.core[i] > 0 and s.core[j] > 0, left)
+
+
+@outlined
+def look_at_walls(scene: Any, b: Any, motion: Any, i: Any, t: Any, left: Any, late: Any) -> float:
+    """For how long body i may go on at time t beside all colliders; −1 where it has rebounded from one."""
+    s, least = scene.swift, left
+    for wall in scene.walls:
+        if least >= 0 and wall.on[b.group[i]] > 0:
+            least = min(least, look_at_wall(scene, wall, b, motion, i, t, left))
+            if least < 0:
+                s.gain[0] += rebound(b, s.contacts, motion, i, WORLD, 2 * TOUCHING * s.inner[i], late)
+    return float(least)
+
+
+@outlined
+def look_at_bodies(scene: Any, b: Any, motion: Any, i: Any, now: Any, left: Any, late: Any) -> Any:
+    """For how long body i may go on beside all others, and the one that it has rebounded from, NOBODY if there is none."""
+    s, least, hit, speed = scene.swift, left, NOBODY, speed_of(scene, motion, i)
+    for j in range(own(scene, b)):
+        if hit == NOBODY and j != i and may_meet(scene, b, i, j, speed, now, left):
+            free = look_at_body(scene, b, motion, i, j, now, left)
+            least = min(least, free)
+            if free < 0:
+                close = 2 * TOUCHING * min(s.inner[i], s.inner[j])
+                s.gain[0] += rebound(b, s.contacts, motion, i, j, close, late)
+                hit = j
+    return least, hit
+
+
+def may_meet(scene: Any, b: Any, i: Any, j: Any, speed: Any, now: Any, left: Any) -> bool:
+    """Whether the balls about two bodies that touch each other may come together in the rest of a drift."""
+    s = scene.swift
+    if not scene.surfaces.touch[b.group[i], b.group[j]] > 0:
+        return False
+    past = max(now - s.begun[j], 0.0)
+    dx = b.x[0, i] - s.pose[j, 0] - past * b.v[0, j]
+    dy = b.x[1, i] - s.pose[j, 1] - past * b.v[1, j]
+    dz = b.x[2, i] - s.pose[j, 2] - past * b.v[2, j]
+    own_speed = np.sqrt(b.v[0, j] * b.v[0, j] + b.v[1, j] * b.v[1, j] + b.v[2, j] * b.v[2, j])
+    near = b.reach[i] + b.reach[j] + left * (speed + own_speed)
+    return bool(dx * dx + dy * dy + dz * dz < near * near) and not are_joined(scene, i, j)
+
+
+# ---- a drift
+
+
+@outlined
+def hasten(scene: Any, b: Any, motion: Any, t: Any, h: Any, second: Any) -> bool:
+    """Have swift bodies meet what is on their way in a drift of h from time t on, the `second` of a step or the first.
+    Whether there are any; those that are on the list have made their drift then, but for joints."""
+    s, count = scene.swift, list_swift(scene, b, motion, t, h)
+    if count == 0:
+        return False
+    for i in range(b.w.size):
+        velocity_of(b, motion, i)
+    if not second:  # else they are those of the kick
+        sum_all_forces(scene, b, motion, t)
+    i = next_of(s, count)
+    while s.safe[i] < h:
+        count = go_on(scene, b, motion, i, count, t, h, second)
+        i = next_of(s, count)
+    for i in range(own(scene, b)):
+        free = scene.joints is None or scene.joined[i] == 0
+        bring(b, s, i, h if free and s.on[i] > 0 else 0.0)
+    return True
+
+
+def list_swift(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> Any:
+    """List the bodies that are or were swift, and have a drift begin; how many there are."""
+    s, count = scene.swift, 0
+    for i in range(own(scene, b)):
+        s.on[i] = 0
+        s.safe[i] = h
+        way = way_of(scene, b, motion, i, t, h)
+        free = scene.joints is None or scene.joined[i] == 0
+        looks = way > (SWIFT if free else JOINED) * s.inner[i] or (free and s.watch[i] > 0)
+        if looks and way < np.inf:
+            count = enlist(s, count, i, 0.0)
+        s.watch[i] = WATCHED if way > VERY * s.inner[i] else max(s.watch[i] - 1, 0)
+    for i in range(own(scene, b) if count > 0 else 0):
+        keep_place(b, s, i)
+        s.begun[i] = s.impacts[i] = s.looks[i] = 0.0
+    return count
+
+
+@outlined
+def go_on(scene: Any, b: Any, motion: Any, i: Any, count: Any, t: Any, h: Any, second: Any) -> Any:
+    """Body i goes to the end of its safe time and looks around; how many are on the list then."""
+    s, hit, now = scene.swift, NOBODY, scene.swift.safe[i]
+    late = now - h if second else now
+    bring(b, s, i, now)
+    velocity_of(b, motion, i)
+    free = look_at_walls(scene, b, motion, i, t + now, h - now, late)
+    struck = free < 0
+    if not struck:
+        beside, hit = look_at_bodies(scene, b, motion, i, now, h - now, late)
+        free = min(free, beside)
+        struck = hit != NOBODY
+    s.safe[i] = min(now + free, h)
+    s.looks[i] += 1
+    if struck:
+        begin_anew(scene, b, i, now)
+        count = enlist(s, count, i, now)
+    if hit != NOBODY:
+        begin_anew(scene, b, hit, now)
+        count = enlist(s, count, hit, now)
+        s.watch[hit] = WATCHED
+    for each in range(2):
+        body = i if each == 0 else hit
+        if body != NOBODY and (s.impacts[body] > MOST_IMPACTS or s.looks[body] > MOST_LOOKS):
+            stop(b, s, body, now, h)
+    return count
+
+
+def next_of(s: Any, count: Any) -> Any:
+    """The body on the list that is safe for the shortest time."""
+    best = s.listed[0]
+    for at in range(1, count):
+        i = s.listed[at]
+        if s.safe[i] < s.safe[best] or (s.safe[i] == s.safe[best] and i < best):
+            best = i
+    return best
+
+
+def begin_anew(scene: Any, b: Any, i: Any, now: Any) -> None:
+    """After an impact a body goes on from where it is; one in a joint, whose drift is made as a whole, counts as having had
+    it at the beginning."""
+    s = scene.swift
+    s.impacts[i] += 1
+    if scene.joints is None or scene.joined[i] == 0:
+        keep_place(b, s, i)
+        s.begun[i] = now
+
+
+def stop(b: Any, s: Any, i: Any, now: Any, h: Any) -> None:
+    """A body rests until the end of the drift where it is."""
+    bring(b, s, i, now)
+    keep_place(b, s, i)
+    s.begun[i] = s.safe[i] = h
+    s.tired[0] += 1
