@@ -451,5 +451,5 @@ def test_a_bead_that_is_pressed_to_a_pillar_slides_around_it_with_its_energy(flo
         colliders=[ground, pillar] if floor == "first" else [pillar, ground],
     )
     energy = (v[:, 0] ** 2).sum(-1) / 2 - x[:, 0] @ g
-    assert np.linalg.norm(v[-1]) > 2
+    assert np.linalg.norm(v[-1]) > 0.9
     np.testing.assert_allclose(energy, energy[0], atol=1e-11)
