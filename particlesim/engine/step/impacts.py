@@ -28,7 +28,7 @@ import numpy as np
 from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.response import along
 from particlesim.compiler import outlined
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.at_rest import turning
 from particlesim.engine.step.contacts import (
     Careful,
@@ -165,7 +165,7 @@ def _on_time(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: 
     slack = rounding_of_step(contacts, p, free, h)
     _, on, _ = settled_one(contacts.resting, p, free, h, contacts.tolerance, slack, False)
     lies = any(on)
-    begun = p if lies else on_time(method, forces, p, h, memory)
+    begun = p if lies else _begun(contacts, p, on_time(method, forces, p, h, memory), h, slack)
     # On what is elastic hops that are shorter than the step would not end.
     elastic = [here & (c.response.bounce >= 2) for here, c in zip(on, contacts.continuous, strict=True)]
     calm = SURE if any(elastic) else CALM
@@ -191,6 +191,17 @@ def _on_time(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: 
         elif ends == FLYING and not isinstance(method, BentRecord):
             q = taken_off(q, late)
     return q, after, outcome, hit, exhausted, legal, _struck(ends, alone or lies), ends, alone and not lies
+
+
+def _begun(contacts: Any, p: Any, ahead: Any, h: Any, slack: Any) -> Any:
+    """A particle p with the velocity of its place, as it has it `ahead` in flight; less what a collider takes up on which it
+    lies, if only for a part of the step."""
+    change = _change(p, ahead)
+    late, _ = along_contacts(contacts, p, change, False)
+    into = (change[0] - late[0], change[1] - late[1], change[2] - late[2])
+    leaving = -(p.vx * into[0] + p.vy * into[1] + p.vz * into[2]) * h
+    size = np.sqrt(into[0] * into[0] + into[1] * into[1] + into[2] * into[2])
+    return chosen((size > 0) & (leaving <= slack * size), hastened(p, late), ahead)
 
 
 def _change(p: Any, q: Any) -> Any:
