@@ -6,6 +6,7 @@ font has no superscripts; they are set as small raised digits.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -103,7 +104,7 @@ class Overlay:
         """Name and unit, the colour bar, ticks at round values."""
         low, high = span
         name = text_mask(coloring.name + (f"  [{coloring.unit}]" if coloring.unit else ""), self.size)
-        labels = [(v, text_mask(s, round(self.size * 0.85))) for v, s in round_ticks(low, high, 4)]
+        labels = self._labels(low, high, width)
         thick, gap = max(self.size // 2, 5), max(self.size // 4, 2)
         side = max([m.shape[1] for _, m in labels], default=0) // 2 + 1
         full = max(width + 2 * side, name.shape[1] + side)
@@ -121,6 +122,16 @@ class Overlay:
             y, left = top + thick + 2 * gap, min(max(x - mask.shape[1] // 2, 0), full - mask.shape[1])
             out[y : y + mask.shape[0], left : left + mask.shape[1], 3] = (mask * 0.85).astype(np.uint8)
         return out
+
+    def _labels(self, low: float, high: float, width: int) -> list[tuple[float, npt.NDArray[np.uint8]]]:
+        """Values and their labels, no more than have room beside each other on a bar of this width."""
+        found: list[tuple[float, npt.NDArray[np.uint8]]] = []
+        for most in (4, 2, 1):
+            found = [(v, text_mask(s, round(self.size * 0.85))) for v, s in round_ticks(low, high, most)]
+            apart = [(b - a) / (high - low) * width for (a, _), (b, _) in itertools.pairwise(found)]
+            if min(apart, default=math.inf) > max([m.shape[1] for _, m in found], default=0) + self.size // 2:
+                break
+        return found
 
     def _groups(self, groups: tuple[str, ...], palette: Array) -> npt.NDArray[np.uint8]:
         """One coloured disc and name per group; the twelve first, then how many more there are."""
