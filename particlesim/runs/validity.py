@@ -16,7 +16,6 @@ from particlesim.engine.diagnosis.crowding import crowded, crowded_births
 from particlesim.engine.diagnosis.haste import Haste, haste
 from particlesim.engine.diagnosis.overlaps import Caught, caught, no_room, overlaps
 from particlesim.engine.islands.base import Intrusion
-from particlesim.engine.rigid.swift import MOST_IMPACTS
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import double_advised, remedy
 from particlesim.engine.step.following import MAX_IMPACTS
@@ -370,6 +369,8 @@ def exhausted(world: World) -> tuple[str, ...]:
 def _stopped(world: World) -> tuple[str, ...]:
     if (number := world.stopped_bodies()) == 0:
         return ()
+    from particlesim.engine.rigid.swift import MOST_IMPACTS  # with all that bodies need
+
     return (
         f"{'once' if number == 1 else f'{number:,} times'} a rigid body had more than {MOST_IMPACTS} impacts in half a "
         "step, and rested until its end: a smaller dt lets it rebound, unless there is no room for it",

@@ -369,8 +369,8 @@ def heap_of_radii(seed: int, restitution: float) -> tuple[float, float]:
 @pytest.mark.parametrize("restitution", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_smooth_grains_of_different_radii_come_to_rest(restitution: float) -> None:
     # Hardly more contacts than what they hold: contacts that open and close by turns had kept all at 0.2 g dt, 0.004 r deep.
-    # A heap that has not found its places yet still moves, by up to 0.15 g dt in 3 of 12; which ones changes with every bit.
-    speeds, depths = zip(*(heap_of_radii(seed, restitution) for seed in range(1, 4)), strict=True)
+    # A heap that has not found its places yet still moves, by up to 0.15 g dt in a third; which ones changes with every bit.
+    speeds, depths = zip(*(heap_of_radii(seed, restitution) for seed in range(4, 8)), strict=True)
     assert min(speeds) < 0.04
     assert min(depths) < 1.5e-3
 
