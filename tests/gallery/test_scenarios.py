@@ -115,7 +115,7 @@ def start_of(scenario: ps.Scenario, group: str) -> tuple[NDArray[Any], NDArray[A
     return position, np.broadcast_to(velocity, position.shape)
 
 
-QUICK = ("slope", "bullet_and_paper", "pool_break", "spinning_top", "tumbling_box", "marble_run")
+QUICK = ("bullet_and_paper", "pool_break", "spinning_top", "marble_run")
 """Some of all kinds; the others take four minutes together. Those of springs and sand are in tests of their own."""
 
 
