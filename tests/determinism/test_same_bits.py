@@ -109,7 +109,9 @@ def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("particlesim.engine.islands.independent.WORTH_THREADS", 1)
 
 
-@pytest.mark.parametrize("method", ["symplectic_euler", "stormer_verlet"])
+@pytest.mark.parametrize(
+    "method", ["symplectic_euler", pytest.param("stormer_verlet", marks=pytest.mark.slow)]
+)
 def test_threads_blocks_and_intervals_leave_no_trace(method: str) -> None:
     reference = history(method, 1, 512, STEPS)
     for threads, block, every in [

@@ -191,6 +191,7 @@ def test_bodies_are_not_aimed_together(ball):
         aim(ball, "ball", (8.0, 3.0, 6.0))
 
 
+@pytest.mark.slow
 def test_a_target_that_a_plane_keeps_a_body_away_from(ball):
     # the corners of a cube are √3/2 of its side away from its centre
     text = ball.read_text()

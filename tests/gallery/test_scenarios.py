@@ -81,7 +81,7 @@ FEWER = {
 
 
 ONE_OF_EACH_KIND = (
-    *("fountain", "conveyor", "solar_system", "pendulum_chain", "flag"),
+    *("fountain", "solar_system", "pendulum_chain", "flag"),
     *("bridge_collapse", "cloth_over_sphere", "argon_melt"),
 )
 """Of all ways to step; the others take as long, nearly all of it for compiling."""
@@ -115,7 +115,7 @@ def start_of(scenario: ps.Scenario, group: str) -> tuple[NDArray[Any], NDArray[A
     return position, np.broadcast_to(velocity, position.shape)
 
 
-QUICK = ("bullet_and_paper", "pool_break", "spinning_top", "marble_run")
+QUICK = ("bullet_and_paper", "pool_break", "marble_run")
 """Some of all kinds; the others take four minutes together. Those of springs and sand are in tests of their own."""
 
 

@@ -168,7 +168,7 @@ def in_small_steps(method: str) -> NDArray[np.float64]:
 @pytest.mark.parametrize(
     ("integrator", "order"),
     [
-        ("implicit_midpoint", 2),
+        pytest.param("implicit_midpoint", 2, marks=pytest.mark.slow),
         pytest.param("trapezoidal", 2, marks=pytest.mark.slow),
         ("bdf2", 2),
         (CONVERGED, 1),
