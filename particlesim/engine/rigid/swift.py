@@ -34,9 +34,10 @@ from particlesim.engine.rigid.rotation import dot, turned_freely
 from particlesim.engine.rigid.walls import probe, touch_wall
 from particlesim.laws.registry import gap
 
-SWIFT, VERY, JOINED = 0.25, 0.5, 1.0
-"""Way in a drift from which on a body is swift, and very much so, in units of its inner radius; and one in a joint, whose
-impacts the solver knows better, as it solves for joints with them."""
+SWIFT, VERY, JOINED = 0.5, 0.5, 1.0
+"""Way in a drift from which on a body is swift, and very much so, in units of its inner radius, so that two that come to
+each other are not past each other before they are seen; and one in a joint, whose impacts the solver knows better, as it
+solves for joints with them. Looks cost: 1000 falling boxes that came a quarter as far took five times as long."""
 STRIDE = 0.25
 """Way that a swift body comes without a look where it is near to others, in the same units."""
 TOUCHING = 1e-4
