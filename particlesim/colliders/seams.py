@@ -150,8 +150,9 @@ def standing(shape: Any, time: float) -> Any:
 
 def _ball(places: Floats) -> tuple[Floats, float]:
     """The middle of some places, and the radius about it in which they are [m]."""
-    middle = places.mean(axis=0)
-    return middle, float(np.sqrt(((places - middle) ** 2).sum(axis=1).max()))
+    with np.errstate(over="ignore"):  # of sizes out of all proportion it is infinite
+        middle = places.mean(axis=0)
+        return middle, float(np.sqrt(((places - middle) ** 2).sum(axis=1).max()))
 
 
 def _touched(shape: Any, places: Floats, slack: float) -> Any:
