@@ -28,6 +28,7 @@ from particlesim.laws.registry import (
     Particle,
     Vector,
     apart,
+    bend,
     first_contact,
     gap,
     gap_and_normal,
@@ -354,6 +355,11 @@ def extreme(parts: Any, p: Any, sign: Any) -> Any:
 @law(gap, UnionRecord)
 def union_gap(c: UnionRecord, p: Particle) -> float:
     return min(*[gap(part, p) for part in c.parts])
+
+
+@law(bend, IntersectionRecord)
+def intersection_bend(c: IntersectionRecord) -> int:
+    return 1 if all(bend(part) > 0 for part in c.parts) else 0
 
 
 @law(gap, IntersectionRecord)

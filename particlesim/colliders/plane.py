@@ -12,7 +12,7 @@ from typing import ClassVar, Literal, NamedTuple
 from pydantic import field_validator
 
 from particlesim.colliders.base import Collider
-from particlesim.colliders.solid import is_convex
+from particlesim.colliders.solid import is_concave, is_convex
 from particlesim.laws.registry import KILL, Particle, Vector, gap, law, normal, surface
 from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
@@ -168,3 +168,5 @@ def plane_z_surface(c: PlaneZRecord, p: Particle) -> Vector:
 
 
 is_convex(HalfSpaceRecord)
+for _record in (PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord):
+    is_concave(_record)

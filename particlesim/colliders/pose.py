@@ -14,6 +14,7 @@ from particlesim.laws.registry import (
     Particle,
     Vector,
     apart,
+    bend,
     first_contact,
     gap,
     law,
@@ -168,8 +169,13 @@ def _thinnest(c: ShiftedRecord | TurnedRecord) -> float:
     return thinnest(c.shape)
 
 
+def _bend(c: ShiftedRecord | TurnedRecord) -> int:
+    return bend(c.shape)
+
+
 for _record in (ShiftedRecord, TurnedRecord):
     law(gap, _record)(_gap)
+    law(bend, _record)(_bend)
     law(least_gap, _record)(_least_gap)
     law(sure_gap, _record)(_sure_gap)
     law(thinnest, _record)(_thinnest)

@@ -21,6 +21,7 @@ from particlesim.laws.registry import (
     Particle,
     Vector,
     apart,
+    bend,
     first_contact,
     gap,
     law,
@@ -109,6 +110,20 @@ def is_convex(record: type) -> None:
     """Ways towards shapes with this record are searched as those of convex ones."""
     law(apart, record)(convex_apart)
     law(first_contact, record)(convex_contact)
+    law(bend, record)(_bends_up)
+
+
+def is_concave(record: type) -> None:
+    """What lies between two places is no nearer to shapes with this record than both."""
+    law(bend, record)(_bends_down)
+
+
+def _bends_up(c: Any) -> int:
+    return 1
+
+
+def _bends_down(c: Any) -> int:
+    return -1
 
 
 class HollowRecord(NamedTuple):
@@ -167,3 +182,4 @@ for _record in (HollowRecord, HollowConvexRecord):
     law(first_contact, _record)(hollow_contact)
 law(apart, HollowRecord)(lipschitz_apart)
 law(apart, HollowConvexRecord)(concave_apart)
+is_concave(HollowConvexRecord)

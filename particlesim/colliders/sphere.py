@@ -11,7 +11,7 @@ import numpy as np
 from annotated_types import Gt
 
 from particlesim.colliders.pose import UNTURNED
-from particlesim.colliders.solid import GRAIN, HollowConvexRecord, Solid, SolidCollider, is_convex
+from particlesim.colliders.solid import GRAIN, HollowConvexRecord, Solid, SolidCollider, is_concave, is_convex
 from particlesim.colliders.triangulation import Triangles, arc, revolved
 from particlesim.laws.registry import Particle, Vector, gap, law, normal, surface
 from particlesim.model.units import Metres
@@ -132,3 +132,4 @@ def bowl_surface(c: BowlRecord, p: Particle) -> Vector:
 
 
 is_convex(BallRecord)
+is_concave(BowlRecord)

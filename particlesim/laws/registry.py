@@ -300,6 +300,14 @@ def thinnest(c: Any) -> float:
 
 
 @generic(0)
+def bend(c: Any) -> int:
+    """How the gap bends along straight lines: 1 where it is a convex function of the place, as that of a ball, −1 where it
+    is a concave one, as that of a bowl or a plane; 0 where it is neither."""
+    laws = GENERICS[bend].laws
+    return laws[type(c)](c) if type(c) in laws else 0
+
+
+@generic(0)
 def apart(c: Any, p: Particle, q: Particle, h: float, slack: float) -> bool:
     """Whether a step of h from p to q is sure not to touch a collider before its end: a quick look, without loops, that may
     say no for nothing. Gaps above −`slack` [m] are rounding."""

@@ -15,19 +15,16 @@ from particlesim.colliders.mesh import told_of_flat
 from particlesim.engine.diagnosis.crowding import crowded, crowded_births
 from particlesim.engine.diagnosis.haste import Haste, haste
 from particlesim.engine.diagnosis.overlaps import Caught, caught, no_room, overlaps
+from particlesim.engine.diagnosis.slits import slits
 from particlesim.engine.islands.base import Intrusion
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.stability.limits import double_advised, remedy
 from particlesim.engine.step.following import MAX_IMPACTS
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
-from particlesim.groups.group import Particles
-from particlesim.layouts.mesh import STRUCTURAL
-from particlesim.scenario.reach import acts_on, collider_tables, has_extent, interacting, meetings_of
+from particlesim.scenario.reach import acts_on, collider_tables, interacting, meetings_of
 from particlesim.scenario.scenario import Scenario
 
-ROUND = ("sphere", "capsule", "cylinder")
-"""Colliders that bulge everywhere by a radius."""
 FASTEST = 4
 """Particles looked at per frame and group: the fastest ones."""
 
@@ -92,7 +89,7 @@ def doubtful(world: World) -> tuple[str, ...]:
         *(_haste_told(label, each, "at the start") for label, each in haste(world).items()),
         *stiff(world),
         *knotted(world),
-        *chords(world),
+        *slits(world),
         *flat_triangles(world.scenario),
         *shapes_of_bodies(world.scenario),
     )
@@ -301,37 +298,6 @@ def knotted(world: World) -> tuple[str, ...]:
 def _place(x: Any) -> str:
     """A place in words [m]."""
     return f"({', '.join(f'{each:.3g}' for each in x)}) m"
-
-
-def chords(world: World) -> tuple[str, ...]:
-    """A sentence for every surface or strand whose edges reach into a round collider between their ends.
-
-    Particles with radius r stand off from a ball of radius R by r. The middle of a triangle with corners there and a
-    circumscribed circle of radius ρ is √((R + r)² − ρ²) from the centre, which should not be less than R.
-    """
-    found = []
-    for island, structure in zip(world.islands, world.graph.islands, strict=True):
-        for state, group, colliders in zip(island.states, structure.groups, structure.colliders, strict=True):
-            if not (has_extent(group) and state.count and isinstance(group, Particles)):
-                continue
-            edges = group.layout.open(world.scenario.folder).edges(STRUCTURAL)
-            x = state.position.astype(float)
-            longest = float(np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1).max(initial=0.0))
-            half = longest * (0.5**0.5 if group.layout.has_surface() else 0.5)
-            thin = float(state.radius[: state.count].min())
-            for each in colliders:
-                size = getattr(each, "radius", None)
-                if each.kind not in ROUND or size is None or getattr(each, "inside", False):
-                    continue
-                least = math.hypot(size, half) - size
-                if thin < 0.99 * least:
-                    name = f"{each.kind} {each.name or ''}".rstrip()
-                    found.append(
-                        f"between its particles the surface of {group.name!r} may reach into {name} by up to "
-                        f"{least - thin:.2g} m, as straight edges cut into round shapes: a radius of {least:.2g} m keeps "
-                        "it out, and so do shorter edges"
-                    )
-    return tuple(found)
 
 
 def flat_triangles(scenario: Scenario) -> tuple[str, ...]:

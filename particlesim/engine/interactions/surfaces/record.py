@@ -86,7 +86,8 @@ class Candidates(NamedTuple):
 class Touches(NamedTuple):
     """Contacts of a step: rows [4, room], weights [4, room]; unit normals, and what the difference of places along them must
     be at least [m] [4, room]; displacement from which sliding is measured [3, room] [m], velocity likewise; how both are
-    bound: μ_s, μ_k, the part of an approach that rebounds and the speed above which it does, the push so far [5, room]."""
+    bound: μ_s, μ_k, the part of an approach that rebounds and the speed above which it does, the push so far, and the part
+    of sliding that is lost at once [6, room]."""
 
     rows: Any
     weights: Any
@@ -98,7 +99,7 @@ class Touches(NamedTuple):
 
 class Desk(NamedTuple):
     """Scratch by particle: inverse masses [n], −1 of absent ones; marks of those in contact (1: has contacts, 4: also with
-    colliders), and zones that move as one with their sums [8, n]."""
+    colliders, 8: its zone goes with a collider), and zones that move as one with their sums [8, n]."""
 
     inverse: Any
     mark: Any
@@ -191,7 +192,7 @@ def new_touches(room: int) -> Touches:
         np.zeros((4, room)),
         np.zeros((3, room)),
         np.zeros((3, room)),
-        np.zeros((5, room)),
+        np.zeros((6, room)),
     )
 
 

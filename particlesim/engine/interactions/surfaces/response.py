@@ -47,7 +47,7 @@ SETTLED, CALMED = 1e-3, 1e-2
 have brought about in the step: the rest is corrected in the next."""
 REST = 2.0
 """Steps in which forces bring about an approach that counts as rest."""
-STATIC, KINETIC, REBOUND, CALM, PUSH = range(5)
+STATIC, KINETIC, REBOUND, CALM, PUSH, LOSS = range(6)
 """Rows of `Touches.bound`."""
 
 
@@ -287,7 +287,7 @@ def prepare(
         touches.bound[CALM, n] = REST * change
         touches.bound[STATIC, n] = 0.0 if friction is None else float(friction.static)
         touches.bound[KINETIC, n] = 0.0 if friction is None else float(friction.kinetic)
-        touches.bound[PUSH, n] = 0.0
+        touches.bound[PUSH, n] = touches.bound[LOSS, n] = 0.0
     return most
 
 
@@ -367,3 +367,17 @@ def give_impulses(touches: Any, desk: Any, report: Any, v: Any, backwards: Any) 
                             dx, dy, dz = dx - by * sx, dy - by * sy, dz - by * sz
                     shove(touches, desk, v, n, dx, dy, dz)
     return worst
+
+
+@shared
+def lose_sliding(touches: Any, desk: Any, report: Any, v: Any) -> None:
+    """What colliders with a tangential loss take from sliding of contacts that have pushed."""
+    for n in range(report[CONTACTS]):
+        if (touches.bound[PUSH, n] > 0) & (touches.bound[LOSS, n] > 0):
+            whole = inertia(touches, desk, n)
+            if whole > 0:
+                nx, ny, nz = touches.normal[0, n], touches.normal[1, n], touches.normal[2, n]
+                u = difference(touches, v, n)
+                x, y, z = u[0] - touches.drift[0, n], u[1] - touches.drift[1, n], u[2] - touches.drift[2, n]
+                rate, by = x * nx + y * ny + z * nz, touches.bound[LOSS, n] / whole
+                shove(touches, desk, v, n, by * (rate * nx - x), by * (rate * ny - y), by * (rate * nz - z))

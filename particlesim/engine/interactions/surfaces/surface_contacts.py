@@ -21,6 +21,7 @@ from particlesim.engine.interactions.interaction import Floats, Interaction, Int
 from particlesim.engine.interactions.lifting import book, lifted
 from particlesim.engine.interactions.neighbours.record import OVERFLOW, enlarged
 from particlesim.engine.interactions.surfaces.candidates import find, find_again, measure
+from particlesim.engine.interactions.surfaces.patches import add_patches, has_bulges
 from particlesim.engine.interactions.surfaces.record import (
     ANEW,
     CONTACTS,
@@ -52,6 +53,7 @@ from particlesim.engine.interactions.surfaces.response import (
     give_impulses,
     list_contacts,
     list_missed,
+    lose_sliding,
     prepare,
     weigh,
     widened,
@@ -62,7 +64,15 @@ from particlesim.engine.interactions.surfaces.walls import (
     put_on_walls,
     stand_at_walls,
 )
-from particlesim.engine.interactions.surfaces.zones import join, joined, move_zones, no_zones, sum_zones
+from particlesim.engine.interactions.surfaces.zones import (
+    join,
+    joined,
+    leaning,
+    move_zones,
+    no_zones,
+    stand_on,
+    sum_zones,
+)
 from particlesim.interactions import PairSet
 from particlesim.layouts.mesh import STRUCTURAL
 from particlesim.scenario.reach import has_extent
@@ -76,8 +86,9 @@ EFFORT = 4
 
 
 class SurfaceColumns(NamedTuple):
-    """The law, what touches, candidates, contacts of the step, scratch, a report, what is tuned, and the energy that moving
-    particles apart has given them so far [1] [J]."""
+    """The law, what touches, candidates, contacts of the step, scratch, a report, what is tuned, particles in the frame of
+    a collider, at the beginning and at the end of the step [6, n], and the energy that moving particles apart has given them
+    so far [1] [J]."""
 
     law: Any
     simplices: Simplices
@@ -86,6 +97,7 @@ class SurfaceColumns(NamedTuple):
     desk: Desk
     report: Any
     tune: Any
+    beside: Any
     fed: Any
 
 
@@ -187,15 +199,18 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
         each.tune,
     )
     x, v = (c.x, c.y, c.z), (c.vx, c.vy, c.vz)
-    if report[FACES] + report[EDGES] > 0:
+    paired = report[FACES] + report[EDGES] > 0
+    if paired | has_bulges(parts):
         weigh(s, c.m, c.clock, desk)
         list_contacts(s, found, touches, desk, report, tune, c.r, x, before)
+        friction, restitution = each.law.friction, float(each.law.restitution)
+        most = prepare(friction, touches, desk, report, 0, restitution, v, before)
+        fast, _ = add_patches(each, parts, c, before, t, h, False)
         if report[CONTACTS] > 0:
-            friction, restitution = each.law.friction, float(each.law.restitution)
+            most = max(most, fast)
             wide = widened(touches, report, before)
-            first, look, missed, most = 0, 0, 1, 0.0
+            first, look, missed = 0, 0, 1
             while (missed > 0) & (look < LOOKS):
-                most = max(most, prepare(friction, touches, desk, report, first, restitution, v, before))
                 add_walls(each, parts, c, t, h)
                 turn, going = 0, True
                 while going & (turn < TURNS):
@@ -203,14 +218,19 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
                     turn += 1
                 put_on_walls(each, parts, c, t, SETTLED * tune[THIN])
                 first = report[CONTACTS]
-                find_again(each, c, before, gate, t, h)
+                if paired:
+                    find_again(each, c, before, gate, t, h)
                 missed = list_missed(s, found, touches, desk, report, tune, c.r, x, before)
+                most = max(most, prepare(friction, touches, desk, report, first, restitution, v, before))
+                fast, more = add_patches(each, parts, c, before, t, h, True)
+                most, missed = max(most, fast), missed + more
                 look += 1
             report[CONTACTS] = first
             turn, going = 0, True
             while going & (turn < MORE_TURNS):
                 going = give_impulses(touches, desk, report, v, turn % 2) > CALMED * most
                 turn += 1
+            lose_sliding(touches, desk, report, v)
             lie_on_walls(each, parts, c, t, SETTLED * tune[THIN], SETTLED * most)
             if missed > 0:
                 move_as_one(each, parts, c, before, gate, t, h)
@@ -220,7 +240,8 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
                 for j in range(s.rows.size):
                     if (desk.mark[s.rows[j]] & 1) != 0:
                         c.memory[-1][s.rows[j]] = 0
-            measure(s, found, x, before, report, tune)
+            if paired:
+                measure(s, found, x, before, report, tune)
 
 
 def move_as_one(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: Any) -> None:
@@ -240,14 +261,17 @@ def move_as_one(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h
         report[CONTACTS] = 0
         find_again(each, c, before, gate, t, h)
         missed = list_missed(s, found, touches, desk, report, tune, c.r, x, before)
+        first, together = report[CONTACTS], joined(touches, desk, report, 0)
+        _, more = add_patches(each, parts, c, before, t, h, True)
         turn += 1
-        if missed == 0 or joined(touches, desk, report, 0):
+        if missed + more == 0 or (together and leaning(touches, desk, report, first)):
             turn = MOST_ZONES
         else:
             join(touches, desk, 0, report[CONTACTS])
             sum_zones(s, desk, x, v, c.m, before)
+            stand_on(touches, desk, report, first, s, x, v, before, h)
             move_zones(s, desk, report, x, v, before)
-            stand_at_walls(each, parts, c, t)
+            stand_at_walls(each, parts, c, t, h)
             move_zones(s, desk, report, x, v, before)
 
 
@@ -300,7 +324,9 @@ def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
     law = pairs.law.record()
     none = simplices_of(triangles[:, :0], edges[:, :0], None, count)
     found, desk = new_candidates(none, count, 0), new_desk(count)
-    made = SurfaceContacts(law, none, found, new_touches(0), desk, report, tune, np.zeros(1))
+    made = SurfaceContacts(
+        law, none, found, new_touches(0), desk, report, tune, np.zeros((6, count)), np.zeros(1)
+    )
     return made._replace(**laid(made, triangles, edges, sides))
 
 

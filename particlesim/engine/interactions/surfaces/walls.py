@@ -16,7 +16,7 @@ from particlesim.colliders.response import along_surface, put_back
 from particlesim.compiler import outlined, shared
 from particlesim.engine.interactions.hard.walls import colliders_of, whole
 from particlesim.engine.interactions.surfaces.record import CONTACTS, LOST
-from particlesim.engine.interactions.surfaces.response import CALM, KINETIC, PUSH, REBOUND, STATIC
+from particlesim.engine.interactions.surfaces.response import CALM, KINETIC, LOSS, PUSH, REBOUND, STATIC
 from particlesim.engine.interactions.surfaces.zones import stand
 from particlesim.engine.state.columns import fetch, type_of
 from particlesim.laws.registry import PASS, gap_and_normal
@@ -69,7 +69,7 @@ def _add_wall(each: Any, collider: Any, c: Any, t: Any, h: Any, first: Any, last
                     friction = response.friction
                     touches.bound[STATIC, k] = 0.0 if friction is None else float(friction.static)
                     touches.bound[KINETIC, k] = 0.0 if friction is None else float(friction.kinetic)
-                    touches.bound[REBOUND, k] = touches.bound[PUSH, k] = 0.0
+                    touches.bound[REBOUND, k] = touches.bound[PUSH, k] = touches.bound[LOSS, k] = 0.0
                     touches.bound[CALM, k] = np.inf
                     report[CONTACTS] = k + 1
 
@@ -128,17 +128,19 @@ def _lie_on_wall(
                     c.vz[i] -= rate * axes[2]
 
 
-def stand_at_walls(each: Any, parts: Any, c: Any, t: Any) -> None:
-    """Zones that reach into colliders stay where they were."""
+def stand_at_walls(each: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
+    """Zones that reach into colliders go with these."""
     for part in parts:
         for collider in colliders_of(part):
-            _stand_at_wall(each, collider, c, t, part.first, part.last)
+            _stand_at_wall(each, collider, c, t, h, part.first, part.last)
 
 
 @outlined
-def _stand_at_wall(each: Any, collider: Any, c: Any, t: Any, first: Any, last: Any) -> None:
+def _stand_at_wall(each: Any, collider: Any, c: Any, t: Any, h: Any, first: Any, last: Any) -> None:
     for i in range(first, last):
         if ((each.desk.mark[i] & 1) != 0) & (each.desk.inverse[i] > 0):
-            g, _ = gap_and_normal(collider.shape, fetch(c, i, t))
+            p = fetch(c, i, t)
+            g, n = gap_and_normal(collider.shape, p)
             if g < 0:
-                stand(each.desk, i)
+                x, y, z = (float(u) for u in velocity_of(collider, p, whole(n, g)))
+                stand(each.desk, i, (h * x, h * y, h * z), (x, y, z))

@@ -18,6 +18,8 @@ from particlesim.engine.interactions.surfaces.record import CONTACTS, ZONED
 
 MASS, HELD = 6, 7
 """Rows of `Desk.sums` after those of displacement and velocity: mass, and the row of a particle that nothing moves, + 1."""
+LEANS = 8
+"""The mark of a particle whose zone goes with a collider."""
 ALONE = -1
 """The zone of a particle that is in none."""
 
@@ -55,10 +57,39 @@ def join(touches: Any, desk: Any, first: Any, last: Any) -> None:
 
 
 @shared
-def stand(desk: Any, i: Any) -> None:
-    """Let the zone of particle i, if it is in one, stay where it was."""
+def stand(desk: Any, i: Any, way: Any, speed: Any) -> None:
+    """Give the zone of particle i, if it is in one, a displacement [m] and a velocity [m/s]: those of a collider."""
     if desk.zone[i] != ALONE:
-        desk.sums[HELD, root_of(desk.zone, i)] = -1.0
+        at = root_of(desk.zone, i)
+        for k in range(3):
+            desk.sums[k, at], desk.sums[3 + k, at] = way[k], speed[k]
+        desk.sums[HELD, at] = -1.0
+
+
+@shared
+def stand_on(
+    touches: Any, desk: Any, report: Any, first: Any, s: Any, x: Any, v: Any, before: Any, h: Any
+) -> None:
+    """Zones of contacts with colliders, from number `first` on, go with these, and so do those that have before."""
+    for j in range(s.rows.size):
+        i = s.rows[j]
+        if (desk.mark[i] & LEANS) != 0:
+            a, b, c = (float(x[k][i]) - float(before[k, i]) for k in range(3))
+            stand(desk, i, (a, b, c), (float(v[0][i]), float(v[1][i]), float(v[2][i])))
+    for n in range(first, report[CONTACTS]):
+        i, (a, b, c) = touches.rows[0, n], (touches.drift[0, n], touches.drift[1, n], touches.drift[2, n])
+        if (desk.mark[i] & LEANS) == 0:
+            stand(desk, i, (h * a, h * b, h * c), (a, b, c))
+            desk.mark[i] |= LEANS
+
+
+@shared
+def leaning(touches: Any, desk: Any, report: Any, first: Any) -> Any:
+    """Whether all contacts with colliders, from number `first` on, are within zones that go with colliders already."""
+    found = joined(touches, desk, report, first)
+    for n in range(first, report[CONTACTS]):
+        found &= (desk.mark[touches.rows[0, n]] & LEANS) != 0
+    return found
 
 
 @shared
@@ -98,7 +129,7 @@ def move_zones(s: Any, desk: Any, report: Any, x: Any, v: Any, before: Any) -> N
                     row = int(held) - 1
                     way, speed = float(x[k][row]) - float(before[k, row]), float(v[k][row])
                 elif held < 0:
-                    way, speed = 0.0, 0.0
+                    way, speed = sums[k, at], sums[3 + k, at]
                 x[k][i] = kind(float(before[k, i]) + way)
                 v[k][i] = kind(speed)
             report[ZONED] += 1
