@@ -13,6 +13,7 @@ from simulate import table
 import particlesim as ps
 from particlesim.colliders.gaps import gaps_of
 from particlesim.engine.diagnosis.slits import slits
+from particlesim.engine.interactions.surfaces.patches import THINNER
 from particlesim.engine.interactions.surfaces.record import CONTACTS, ZONED
 from particlesim.engine.interactions.surfaces.response import CORE
 from particlesim.engine.simulation import Simulation
@@ -91,7 +92,7 @@ def test_nothing_gets_between_particles(shape: str, what: str, speed: float) -> 
     # the middle stays outside: `CORE` of the thickness, which shapes with dents may enter by a quarter
     assert worst < 1.0 if shape in ("ring", "both") else worst < 1 - CORE + 0.1
     if speed == 0.0:
-        assert worst < 0.2
+        assert worst < 1 - THINNER + 0.05
 
 
 @pytest.mark.parametrize("motion", ["path", "turn"])
@@ -130,7 +131,7 @@ def test_an_edge_rebounds_by_the_closed_form(e: float, w: float) -> None:
     """n·x of the point x = Σ w_k x_k that touches is reversed: Δv_k = (1 + e) v w_k/Σ w²."""
     scenario = thrown({**BAR, "restitution": e, "friction": 0.0}, stick(w, 1.0), forces=[])
     simulation = Simulation(scenario, threads=1)
-    simulation.advance_to(15)  # it falls 14 mm at 1 mm a step: the impact is at the end of step 14
+    simulation.advance_to(16)  # it falls 15.5 mm at 1 mm a step, until its thickness meets the bar
     v = simulation.states[0].velocity
     simulation.close()
     parts = np.array([1 - w, w])
@@ -183,7 +184,7 @@ def test_cloth_comes_to_rest_on_a_table_and_gains_nothing(precision: str) -> Non
         simulation.advance_to(step)
         assert energy(simulation) < highest + (1e-9 if precision == "double" else 1e-5)
         highest = min(highest, energy(simulation))
-        assert depth(simulation, scenario.colliders[0].body()) < 0.2
+        assert depth(simulation, scenario.colliders[0].body()) < 1 - THINNER + 0.05
     v = simulation.states[0].velocity
     simulation.close()
     assert np.sqrt((v**2).mean()) < 0.02

@@ -27,11 +27,11 @@ DEPTH = 9
 """How often a patch is cut at most."""
 ROOM = 3 * DEPTH + 4
 """Parts that wait to be looked at, at most: three of each cut, and the first four."""
-NEARLY = 1e-3
+NEARLY = 1e-2
 """By which part of its thickness a least gap beside a convex shape may be missed."""
 HALVINGS = 40
 """How often the place of a contact on an edge is halved."""
-GRAIN = 0.25
+GRAIN = 0.7
 """By which part of its thickness it may be missed beside others."""
 
 

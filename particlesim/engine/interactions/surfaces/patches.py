@@ -6,7 +6,8 @@ first time of the step is found at which its deepest point is nearer than `CLOSE
 advancement in the frame of the collider. That point, x = Σ w_k x_k with Σ w_k = 1, then gets the contact n·x ≥ n·x_s of a
 particle with a collider: no impact where it ends above, else with the restitution and friction of the collider. Points next
 to a corner, up to half of the thickness, are left to the corner, and those next to an edge to the edge; and so is what lies
-on a flat side.
+on a flat side. A patch is a quarter thinner than its corners, so that on what bulges little, such as a ball much larger than
+it, the corners carry all: that they do is known from the planes through what is nearest to them.
 """
 
 from __future__ import annotations
@@ -27,7 +28,6 @@ from particlesim.engine.interactions.surfaces.deepest import (
     lowest_on_edge,
     own_shape,
     point_on,
-    size_of,
 )
 from particlesim.engine.interactions.surfaces.record import CONTACTS, LOST
 from particlesim.engine.interactions.surfaces.response import (
@@ -45,8 +45,12 @@ from particlesim.engine.interactions.surfaces.walls import velocity_of
 from particlesim.engine.state.columns import fetch, type_of
 from particlesim.laws.registry import PASS, bend, gap_and_normal, sure_gap
 
+THINNER = 0.75
+"""The thickness of a patch over that of its corners."""
 CLOSE = 0.25
 """Gap over the thickness of a patch at which it gets a contact."""
+KEPT = 0.3
+"""Gap over the thickness up to which is found out how near a patch is to what is not convex, to know it for later steps."""
 MOST_ADVANCES = 40
 """Bound on the advances of a search; what is not through then has a contact where it is."""
 FLAT = 1e-2
@@ -67,39 +71,70 @@ def has_bulges(parts: Any) -> Any:
 def add_patches(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any, again: Any) -> Any:
     """Contacts of edges and triangles with colliders; returns how fast forces make them approach at most [m/s], and how many
     there are. With `again` only of those that would come too close in spite of the contacts that they have."""
-    most, number = 0.0, each.report[CONTACTS]
+    most, number, rough = 0.0, each.report[CONTACTS], 0
     for part in parts:
         for collider in colliders_of(part):
             if bulges(collider):
-                most = max(most, _add_beside(each, collider, c, before, t, h, part.first, part.last, again))
+                found = _add_beside(each, collider, rough, c, before, t, h, part.first, part.last, again)
+                most = max(most, found)
+                rough += 0 if is_convex(own_shape(collider.shape)) else 1
     return most, each.report[CONTACTS] - number
 
 
 @outlined
 def _add_beside(
-    each: Any, collider: Any, c: Any, before: Any, t: Any, h: Any, first: Any, last: Any, again: Any
+    each: Any,
+    collider: Any,
+    k: Any,
+    c: Any,
+    before: Any,
+    t: Any,
+    h: Any,
+    first: Any,
+    last: Any,
+    again: Any,
 ) -> Any:
-    most, s = 0.0, each.simplices
+    """`add_patches` for the particles of a group and a collider, the k-th that is not convex if it is not."""
+    most, s, at, shape = 0.0, each.simplices, each.beside.at, own_shape(collider.shape)
     hard = (collider.response.outcome == PASS) & (collider.response.yielding is None)
     if hard & (last > first):
         reach = lay_beside(each, collider.shape, c, before, t, h, first, last)
         if reach < 0:
+            note_gaps(at, shape, c, t, first, last)
             for e in range(s.edges.shape[1]):
                 i, j = s.edges[0, e], s.edges[1, e]
-                if (first <= i) & (i < last) & (i != j):
-                    most = max(most, _meet(each, collider, False, i, j, j, c, before, t, h, again))
+                near = (first <= i) & (i < last) & (i != j)
+                if near and not is_convex(shape) and not again:
+                    follow(each.beside, k, e, i, j, j)
+                if near and comes_near(each.beside, shape, c.r, k, e, i, j, j):
+                    most = max(most, _meet(each, collider, False, k, e, i, j, j, c, before, t, h, again))
             for q in range(s.corners.shape[1]):
-                i = s.corners[0, q]
-                if (s.face[q] != 0) & (first <= i) & (i < last):
-                    j, k = s.corners[1, q], s.corners[2, q]
-                    most = max(most, _meet(each, collider, True, i, j, k, c, before, t, h, again))
+                e, i, j, m = s.edges.shape[1] + q, s.corners[0, q], s.corners[1, q], s.corners[2, q]
+                near = (s.face[q] != 0) & (first <= i) & (i < last)
+                if near and not is_convex(shape) and not again:
+                    follow(each.beside, k, e, i, j, m)
+                if near and comes_near(each.beside, shape, c.r, k, e, i, j, m):
+                    most = max(most, _meet(each, collider, True, k, e, i, j, m, c, before, t, h, again))
+            if not is_convex(shape) and not again:
+                for i in range(first, last):
+                    for axis in range(3):
+                        each.beside.last[k, axis, i] = at[axis, i]
     return most
+
+
+def follow(beside: Any, k: Any, e: Any, i: Any, j: Any, m: Any) -> None:
+    """What no gap of patch e to a collider is below at the beginning of the step, from what that was a step before."""
+    most = 0.0
+    for p in (i, j, m):
+        x, y, z = (beside.at[axis, p] - beside.last[k, axis, p] for axis in range(3))
+        most = max(most, x * x + y * y + z * z)
+    beside.clear[k, e] -= np.sqrt(most)
 
 
 def lay_beside(each: Any, shape: Any, c: Any, before: Any, t: Any, h: Any, first: Any, last: Any) -> Any:
     """Write down where particles [first, last) are in the frame of a collider at the beginning and at the end of the step;
     returns the gap of a ball around all of that [m]."""
-    at, thick = each.beside, 0.0
+    at, thick = each.beside.at, 0.0
     for i in range(first, last):
         there = fetch(c, i, t)
         zero = there.x - there.x
@@ -115,6 +150,38 @@ def lay_beside(each: Any, shape: Any, c: Any, before: Any, t: Any, h: Any, first
     return float(sure_gap(own_shape(shape), ball))
 
 
+def note_gaps(at: Any, shape: Any, c: Any, t: Any, first: Any, last: Any) -> None:
+    """Write down the gaps of particles at the beginning of the step, and beside a convex shape its normals there."""
+    for i in range(first, last):
+        like, place = c.x[i], (at[0, i], at[1, i], at[2, i], float(c.r[i]))
+        if is_convex(shape):
+            g, axes = gap_and_normal(shape, at_point(place, like, t))
+            at[6, i] = g
+            at[7, i], at[8, i], at[9, i] = whole(axes, g)
+        else:
+            at[6, i] = sure_gap(shape, at_point(place, like, t))
+
+
+def comes_near(beside: Any, shape: Any, r: Any, n: Any, e: Any, i: Any, j: Any, k: Any) -> Any:
+    """Whether a patch may touch in the step: no gap in it is less than in the plane through what is nearest to a corner, or,
+    where a shape is not convex, than by the distance from a corner."""
+    at, low, thin = beside.at, -np.inf, min(float(r[i]), float(r[j]), float(r[k]))
+    for p in (i, j, k):
+        least = 0.0
+        for q in (i, j, k):
+            x, y, z = at[0, q] - at[0, p], at[1, q] - at[1, p], at[2, q] - at[2, p]
+            less = float(r[p]) - float(r[q])
+            if is_convex(shape):
+                least = min(least, at[7, p] * x + at[8, p] * y + at[9, p] * z + less)
+            else:
+                least = min(least, less - np.sqrt(x * x + y * y + z * z))
+        low = max(low, at[6, p] + least)
+    low += (1.0 - THINNER) * thin
+    if not is_convex(shape):
+        low = max(low, beside.clear[n, e])
+    return low < farthest_way(at, i, j, k)
+
+
 def extent(at: Any, axis: Any, first: Any, last: Any) -> Any:
     """The middle and half of the length of what particles [first, last) cover along an axis [m]."""
     low, high = np.inf, -np.inf
@@ -126,7 +193,7 @@ def extent(at: Any, axis: Any, first: Any, last: Any) -> Any:
 def patch_at(at: Any, r: Any, i: Any, j: Any, k: Any, s: Any) -> Patch:
     """The patch of three particles after the part s of the step."""
     a, b, d = (tuple(at[m, q] + s * (at[3 + m, q] - at[m, q]) for m in range(3)) for q in (i, j, k))
-    return Patch(a, b, d, float(r[i]), float(r[j]), float(r[k]))
+    return Patch(a, b, d, THINNER * float(r[i]), THINNER * float(r[j]), THINNER * float(r[k]))
 
 
 def farthest_way(at: Any, i: Any, j: Any, k: Any) -> Any:
@@ -160,6 +227,8 @@ def _meet(
     each: Any,
     collider: Any,
     face: Any,
+    n: Any,
+    e: Any,
     i: Any,
     j: Any,
     k: Any,
@@ -169,23 +238,24 @@ def _meet(
     h: Any,
     again: Any,
 ) -> Any:
-    """`add_patches` for an edge or a triangle and a collider."""
-    desk, at, shape, like = each.desk, each.beside, own_shape(collider.shape), c.x[i]
+    """`add_patches` for patch e, an edge or a triangle, and a collider, the n-th of those that are not convex."""
+    desk, at, shape, like = each.desk, each.beside.at, own_shape(collider.shape), c.x[i]
     lightest = min(desk.inverse[i], desk.inverse[j], desk.inverse[k])
     heaviest = max(desk.inverse[i], desk.inverse[j], desk.inverse[k])
     result = 0.0
     if (lightest >= 0) & (heaviest > 0):
         patch, way = patch_at(at, c.r, i, j, k, 0.0), farthest_way(at, i, j, k)
         thick = max(patch.ra, patch.rb, patch.rc)
-        v, w = (1 / 3, 1 / 3) if face else (0.5, 0.0)
-        middle = float(sure_gap(shape, at_point(point_on(patch, v, w), like, t)))
         deep = (1.0 - CORE) * thick if again else 0.0
         inner = inside(face, patch, thick)
-        if (middle - size_of(patch, v, w) - way < -deep) & (inner > 0) & (thick > 0):
-            beyond = max(CLOSE * thick, way)
+        if (inner > 0) & (thick > 0):
+            beyond = way - deep  # what is farther away cannot come there in the step
+            if not is_convex(shape):
+                beyond += KEPT * thick
             found = deepest(face, shape, patch, inner, beyond, thick, like, t)
-            s, going, turn, began = 0.0, True, 0, found.gap
-            goal = -deep
+            if not is_convex(shape):
+                each.beside.clear[n, e] = found.safe
+            s, going, turn, began, goal = 0.0, True, 0, found.gap, -deep
             if again:
                 goal = min(goal, 0.5 * (began - thick))
                 going = began > -thick

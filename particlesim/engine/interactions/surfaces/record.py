@@ -97,6 +97,17 @@ class Touches(NamedTuple):
     bound: Any
 
 
+class Beside(NamedTuple):
+    """Particles beside a collider, in its frame. `at` [10, n]: where they are at the beginning and at the end of the step,
+    the gap at the beginning [m] and the normal. For each of the colliders that are not convex, `last` [m, 3, n]: where they
+    were at the beginning of an earlier step, and `clear` [m, edges and simplices]: what no gap was below then, −∞ where
+    nothing is known [m]."""
+
+    at: Any
+    last: Any
+    clear: Any
+
+
 class Desk(NamedTuple):
     """Scratch by particle: inverse masses [n], −1 of absent ones; marks of those in contact (1: has contacts, 4: also with
     colliders, 8: its zone goes with a collider), and zones that move as one with their sums [8, n]."""
@@ -199,6 +210,12 @@ def new_touches(room: int) -> Touches:
 def room_for(simplices: Simplices) -> int:
     """Candidates and contacts to have room for at first."""
     return PER_SIMPLEX * int(simplices.corners.shape[1]) + AT_LEAST
+
+
+def new_beside(simplices: Simplices, count: int, rough: int) -> Beside:
+    """Room for some particles, and for so many colliders that are not convex."""
+    patches = simplices.edges.shape[1] + simplices.corners.shape[1]
+    return Beside(np.zeros((10, count)), np.zeros((rough, 3, count)), np.full((rough, patches), -np.inf))
 
 
 def new_desk(count: int) -> Desk:

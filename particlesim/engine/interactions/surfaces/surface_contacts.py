@@ -21,6 +21,7 @@ from particlesim.engine.interactions.interaction import Floats, Interaction, Int
 from particlesim.engine.interactions.lifting import book, lifted
 from particlesim.engine.interactions.neighbours.record import OVERFLOW, enlarged
 from particlesim.engine.interactions.surfaces.candidates import find, find_again, measure
+from particlesim.engine.interactions.surfaces.deepest import own_shape
 from particlesim.engine.interactions.surfaces.patches import add_patches, has_bulges
 from particlesim.engine.interactions.surfaces.record import (
     ANEW,
@@ -34,10 +35,12 @@ from particlesim.engine.interactions.surfaces.record import (
     ROOMIER,
     STALE,
     THIN,
+    Beside,
     Candidates,
     Desk,
     Simplices,
     Touches,
+    new_beside,
     new_candidates,
     new_desk,
     new_touches,
@@ -74,6 +77,7 @@ from particlesim.engine.interactions.surfaces.zones import (
     sum_zones,
 )
 from particlesim.interactions import PairSet
+from particlesim.laws.registry import bend
 from particlesim.layouts.mesh import STRUCTURAL
 from particlesim.scenario.reach import has_extent
 
@@ -86,9 +90,8 @@ EFFORT = 4
 
 
 class SurfaceColumns(NamedTuple):
-    """The law, what touches, candidates, contacts of the step, scratch, a report, what is tuned, particles in the frame of
-    a collider, at the beginning and at the end of the step [6, n], and the energy that moving particles apart has given them
-    so far [1] [J]."""
+    """The law, what touches, candidates, contacts of the step, scratch, a report, what is tuned, particles beside colliders,
+    and the energy that moving particles apart has given them so far [1] [J]."""
 
     law: Any
     simplices: Simplices
@@ -97,7 +100,7 @@ class SurfaceColumns(NamedTuple):
     desk: Desk
     report: Any
     tune: Any
-    beside: Any
+    beside: Beside
     fed: Any
 
 
@@ -132,6 +135,7 @@ class SurfaceContacts(Interaction, SurfaceColumns):
 
     def renewed(self) -> Self:
         self.report[STALE] = 1
+        self.beside.clear[:] = -np.inf
         if not self.cramped:
             return self
         found, touches = self.found, self.touches
@@ -283,6 +287,7 @@ def laid(each: Any, triangles: Ints, edges: Ints, sides: tuple[Ints, Ints] | Non
     return {
         "simplices": simplices,
         "found": new_candidates(simplices, count, room),
+        "beside": new_beside(simplices, count, len(each.beside.last)),
         "touches": new_touches(room),
     }
 
@@ -324,9 +329,9 @@ def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
     law = pairs.law.record()
     none = simplices_of(triangles[:, :0], edges[:, :0], None, count)
     found, desk = new_candidates(none, count, 0), new_desk(count)
-    made = SurfaceContacts(
-        law, none, found, new_touches(0), desk, report, tune, np.zeros((6, count)), np.zeros(1)
-    )
+    rough = [each for each in site.scenario.all_colliders if bend(own_shape(each.body())) == 0]
+    beside = new_beside(none, count, len(rough) * len(pairs.groups))
+    made = SurfaceContacts(law, none, found, new_touches(0), desk, report, tune, beside, np.zeros(1))
     return made._replace(**laid(made, triangles, edges, sides))
 
 
