@@ -9,9 +9,12 @@ import numpy as np
 from particlesim.colliders.moving import MovingRecord, ride
 from particlesim.colliders.plane import PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.response import along, at_rest, crossable, opposite, yielded
+from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.laws.registry import PASS, contact, gap, gap_and_normal, least_gap
 
+MANY = 4
+"""Colliders up to which all of their gaps are written out wherever the smallest one is asked for."""
 SHALLOW = 2.0**-3
 """Part of `rounding` that gaps are off by at most: twice the rounding error of the numbers that they are made of."""
 
@@ -63,11 +66,21 @@ def pushed(colliders: Any, p: Any, h: Any) -> Any:
 
 def nearest(colliders: Any, p: Any) -> Any:
     """The smallest gap to any collider [m]; positive where there are none."""
+    return _nearest_of_many(colliders, p) if len(colliders) > MANY else _nearest(colliders, p)
+
+
+@outlined
+def _nearest_of_many(colliders: Any, p: Any) -> Any:
+    return _nearest(colliders, p)
+
+
+def _nearest(colliders: Any, p: Any) -> Any:
     if len(colliders) == 0:
         return 1.0
     if len(colliders) == 1:
         return gap(colliders[0], p)
-    return min(gap(colliders[0], p), nearest(colliders[1:], p))
+    half = len(colliders) // 2
+    return min(_nearest(colliders[:half], p), _nearest(colliders[half:], p))
 
 
 def ahead(contacts: Any, on: Any, p: Any) -> Any:
