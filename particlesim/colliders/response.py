@@ -251,8 +251,12 @@ def bounce_at(response: Any, approach: Any) -> Any:
     if response.falling is None:
         return response.bounce
     one = type(approach)(1)
-    over = max(-approach / response.falling.speed, one)
-    return one + (response.bounce - one) * over ** (-response.falling.exponent)
+    return one + (response.bounce - one) * falls_by(response.falling, -approach)
+
+
+def falls_by(falling: Any, speed: Any) -> Any:
+    """The part of the restitution of slow impacts that is left at a speed [m/s]."""
+    return max(speed / falling.speed, type(speed)(1)) ** (-falling.exponent)
 
 
 def belt_along(response: Any, n: Any) -> Any:

@@ -40,8 +40,8 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
-from particlesim.colliders.friction import Friction, Rubbing
-from particlesim.colliders.response import FrictionRecord
+from particlesim.colliders.friction import FallingRestitution, Friction, Rubbing
+from particlesim.colliders.response import FallingRecord, FrictionRecord
 from particlesim.interactions.base import PairInteraction
 from particlesim.interactions.contact_steps import RAYLEIGH, RESOLVES, contact_time, rayleigh_time
 from particlesim.laws.contact import Touch, contact_law, reduced_mass, reduced_radius
@@ -77,8 +77,9 @@ class Contact(Rubbing, PairInteraction):
     """Whether cloth, jelly and meshes touch with their triangles, and ropes, nets, hair and bridges with their edges, as
     thick as twice the radius of their particles: with `impulse` they do unless this is false, with the other models
     particles touch as spheres."""
-    restitution: Annotated[Number, Ge(0), Le(1)] = 1.0
-    """Speed after over speed before an impact, along the line of centres: 1 elastic, 0 no rebound."""
+    restitution: Annotated[Number, Ge(0), Le(1)] | FallingRestitution = 1.0
+    """Speed after over speed before an impact, along the line of centres: 1 elastic, 0 no rebound; or, of `impulse`, a
+    table, where it falls with the speed of the impact."""
     friction: Annotated[Number, Ge(0)] | Friction = 0.0
     """Coefficient of Coulomb friction μ, or a table with one at rest and one in motion."""
     rolling_friction: Annotated[Number, Ge(0)] = 0.0
@@ -121,6 +122,13 @@ class Contact(Rubbing, PairInteraction):
                         at=(key,),
                         also=[(("model",), f"{self.model} here")],
                     )
+        if self.soft and isinstance(self.restitution, FallingRestitution):
+            raise invalid(
+                "restitution that falls with speed belongs to impulses; that of springs and dampers is one number",
+                at=("restitution",),
+                also=[(("model",), f"{self.model} here")],
+                allowed="a number from 0 to 1",
+            )
         if self.model in NEEDED:
             key, example = NEEDED[self.model]
             if getattr(self, key) is None:
@@ -183,7 +191,14 @@ class Contact(Rubbing, PairInteraction):
     @property
     def beta(self) -> float:
         """The damping ratio β of a linear contact, 1 for no rebound."""
-        return damping_ratio(self.restitution)
+        return damping_ratio(self.liveliness)
+
+    @property
+    def liveliness(self) -> float:
+        """Restitution of slow impacts, the greatest."""
+        return (
+            self.restitution.value if isinstance(self.restitution, FallingRestitution) else self.restitution
+        )
 
     @property
     def soft(self) -> bool:
@@ -206,7 +221,10 @@ class Contact(Rubbing, PairInteraction):
         return y / (2 * (1 - nu * nu)), y / (4 * (2 - nu) * (1 + nu))
 
     def record(self) -> tuple[Any, ...]:
-        return self.against(float(self.restitution), self.coefficients)
+        made = self.against(float(self.liveliness), self.coefficients)
+        if isinstance(made, ImpulseRecord) and isinstance(self.restitution, FallingRestitution):
+            made = made._replace(falling=FallingRecord(self.restitution.speed, self.restitution.exponent))
+        return made
 
     def against(self, restitution: float, friction: tuple[float, float]) -> tuple[Any, ...]:
         """The record of contacts with another restitution and other coefficients of friction, such as those of a wall."""
@@ -235,7 +253,7 @@ class Contact(Rubbing, PairInteraction):
         return False
 
     def needs_velocity(self) -> bool:
-        return self.model == "impulse" or self.restitution < 1 or self.rubs
+        return self.model == "impulse" or self.liveliness < 1 or self.rubs
 
     def remembers(self) -> bool:
         return self.model == "impulse" or self.rubs or self.adhesion == "jkr"
@@ -250,7 +268,7 @@ class Contact(Rubbing, PairInteraction):
         return float(stretch(JkrRecord(*self.record()), radius))
 
     def conserves(self) -> bool:
-        return self.soft and self.restitution == 1 and not self.rubs and self.adhesion != "jkr"
+        return self.soft and self.liveliness == 1 and not self.rubs and self.adhesion != "jkr"
 
     def stores(self) -> bool:
         return self.model != "impulse"
@@ -297,7 +315,8 @@ class Contact(Rubbing, PairInteraction):
         )
         rub += f", μ_r = {self.rolling_friction:g}" if self.rolling_friction > 0 else ""
         rub += f", w = {self.cohesion:g} J/m² ({self.adhesion.upper()})" if self.cohesion > 0 else ""
-        return f"{self.model}, e = {self.restitution:g}{rub}, where particles touch"
+        falls = ", falling with speed" if isinstance(self.restitution, FallingRestitution) else ""
+        return f"{self.model}, e = {self.liveliness:g}{falls}{rub}, where particles touch"
 
 
 def damping_ratio(restitution: float) -> float:
@@ -343,10 +362,11 @@ class JkrRecord(NamedTuple):
 
 
 class ImpulseRecord(NamedTuple):
-    """e, and friction, None where there is none."""
+    """e of slow impacts, friction, and how e falls with speed; the last two None where there is none."""
 
     restitution: float
     friction: FrictionRecord | None
+    falling: FallingRecord | None = None
 
 
 @contact_law(LinearRecord)

@@ -63,10 +63,15 @@ def _reached(interaction: PairInteraction, groups: Iterable[Group]) -> tuple[Gro
     return tuple(group for group in groups if not unmoved(interaction, group))
 
 
+def touched_bodies(scenario: Tables, interaction: PairInteraction) -> tuple[Bodies, ...]:
+    """The bodies that an interaction acts on."""
+    return tuple(group for group in _reached(interaction, scenario.bodies) if isinstance(group, Bodies))
+
+
 def meetings_of(scenario: Tables) -> tuple[Meeting, ...]:
     """Which particles touch which bodies."""
     return tuple(
-        Meeting(group.name, body.name, label, each.restitution, each.coefficients)
+        Meeting(group.name, body.name, label, each.liveliness, each.coefficients)
         for label, each in zip(scenario.labels.interactions, scenario.interactions, strict=True)
         if isinstance(each, Contact) and each.by_impulses
         for group in interacting(each, scenario.groups)

@@ -37,6 +37,32 @@ def test_head_on_by_the_closed_form(e: float) -> None:
     assert not v[:, 1:].any()
 
 
+@pytest.mark.parametrize("speed", [0.4, 0.5, 3.0, 40.0])
+def test_restitution_falls_with_the_speed_of_an_impact(speed: float) -> None:
+    """e = 0.8 up to 0.5 m/s, and 0.8 (v/v₀)^(−1/4) above."""
+    balls = points(
+        (0, 0, 0), (0.2, 0, 0), velocity=((speed / 2, 0, 0), (-speed / 2, 0, 0)), radius=0.05, mass=0.1
+    )
+    falls = {"value": 0.8, "speed": 0.5}
+    u = simulate(0.3, 1e-3, particles=[balls], interactions=[{**HARD, "restitution": falls}]).final.velocity[
+        :, 0
+    ]
+    assert u.sum() == pytest.approx(0, abs=EPS)
+    assert (u[1] - u[0]) / speed == pytest.approx(0.8 * max(speed / 0.5, 1) ** -0.25, rel=1e-12)
+
+
+def test_restitution_that_falls_is_refused_where_it_has_no_meaning() -> None:
+    balls = points((0, 0, 0), radius=0.05)
+    falls = {"type": "contact", "restitution": {"value": 0.8, "speed": 0.5}}
+    with pytest.raises(ps.ScenarioError, match="restitution that falls with speed belongs to impulses"):
+        ps.from_table(
+            table(1.0, 1e-3, particles=[balls], interactions=[{**falls, "model": "linear", "stiffness": 1.0}])
+        )
+    box = {"name": "box", "shape": {"type": "box", "size": [1, 1, 1]}, "density": 700, "position": [0, 3, 0]}
+    with pytest.raises(ps.ScenarioError, match="impacts of rigid bodies have one restitution"):
+        ps.from_table(table(1.0, 1e-3, particles=[balls], bodies=[box], interactions=[falls]))
+
+
 def test_oblique_elastic_impacts_keep_momentum_energy_and_angular_momentum() -> None:
     v = struck(beside=0.7 * R)
     m = np.array([[0.1], [0.3]])

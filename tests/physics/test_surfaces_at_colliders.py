@@ -76,7 +76,7 @@ def depth(simulation: Simulation, shape: Any) -> float:
     return float(-out.min() / R)
 
 
-@pytest.mark.parametrize("speed", [0.0, 5.0, 200.0])
+@pytest.mark.parametrize("speed", [0.0, pytest.param(5.0, marks=pytest.mark.slow), 200.0])
 @pytest.mark.parametrize("what", ["cloth", "line"])
 @pytest.mark.parametrize("shape", list(SHAPES))
 def test_nothing_gets_between_particles(shape: str, what: str, speed: float) -> None:
@@ -147,6 +147,22 @@ def test_restitution_falls_with_the_speed_of_an_edge() -> None:
     v = simulation.states[0].velocity
     simulation.close()
     assert v[:, 1] == pytest.approx(2.0 * 0.8 * 4**-0.25, abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [0.4, 8.0])
+def test_restitution_falls_with_the_speed_of_sheets(speed: float) -> None:
+    one, two = rope("one", [-0.5, 0.2, 0], [0.5, 0.2, 0], 2), rope("two", [0, 0, -0.5], [0, 0, 0.5], 2)
+    one["layout"]["velocity"] = [0, -speed, 0]
+    for each in (one, two):
+        each["springs"] = {"structural": 1e-6}
+    law = {**TOUCH, "restitution": {"value": 0.8, "speed": 0.5}, "friction": 0.0}
+    simulation = Simulation(
+        ps.from_table(table(1.0, 1e-3, particles=[one, two], interactions=[law])), threads=1
+    )
+    simulation.advance_to(int(0.25 / speed * 1000))
+    u, v = (state.velocity[:, 1].mean() for state in simulation.states)
+    simulation.close()
+    assert (u - v) / speed == pytest.approx(0.8 * max(speed / 0.5, 1) ** -0.25, rel=1e-6)
 
 
 @pytest.mark.parametrize("rubs", ["friction", "tangential_loss"])

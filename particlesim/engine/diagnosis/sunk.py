@@ -21,7 +21,7 @@ STEPS = 10
 def sunk(world: World) -> Iterator[str]:
     """A sentence for every contact by impulses whose grains lie deep in each other."""
     for each in world.scenario.interactions:
-        if not isinstance(each, Contact) or not each.by_impulses or each.restitution >= 1:
+        if not isinstance(each, Contact) or not each.by_impulses or each.liveliness >= 1:
             continue
         groups = interacting(each, world.scenario.groups)
         if touches_by_surfaces(each, groups):

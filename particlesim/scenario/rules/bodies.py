@@ -12,7 +12,14 @@ from particlesim.emitters import Emitter
 from particlesim.groups.group import Group, Particles
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
-from particlesim.scenario.reach import collider_tables, group_tables, held_back, joint_tables, mortal
+from particlesim.scenario.reach import (
+    collider_tables,
+    group_tables,
+    held_back,
+    joint_tables,
+    mortal,
+    touched_bodies,
+)
 from particlesim.scenario.rules.joints import listed as particle_joints
 from particlesim.scenario.rules.joints import which
 from particlesim.scenario.tables import Tables
@@ -164,6 +171,19 @@ def kept(scenario: Tables) -> Iterator[Invalid]:
             here,
             allowed='"double"',
         )
+
+
+def touched(scenario: Tables) -> Iterator[Invalid]:
+    """Impacts of grains with bodies have one restitution."""
+    for k, each in enumerate(scenario.interactions):
+        if isinstance(getattr(each, "restitution", None), FallingRestitution) and touched_bodies(
+            scenario, each
+        ):
+            yield Invalid(
+                "impacts of rigid bodies have one restitution, at any speed",
+                ("interactions", k, "restitution"),
+                allowed="a number from 0 to 1, or groups of particles alone, on = [...]",
+            )
 
 
 def held(scenario: Tables) -> Iterator[Invalid]:

@@ -222,6 +222,7 @@ CHECKS = (
     bodies.jointed,
     bodies.kept,
     bodies.held,
+    bodies.touched,
     needs,
     interactions.felt,
     interactions.exact_enough,

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.response import falls_by
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import (
     ALONG,
@@ -207,7 +208,8 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
             # what is elastic has no rest: its hops do not end
             lively = (approach > bench.normal[LEAST, k]) | ((e >= 1) & (approach > 0))
             later = bench.normal[LATER, k] if lively else e - e
-            change, push = given_at(bench, k, bench.normal, k, approach, later, e, lively)
+            bounces = bounces_at(each.law, approach - later)
+            change, push = given_at(bench, k, bench.normal, k, approach, later, bounces, lively)
             if lively:
                 bench.normal[LATER, k] = 0
             worst = max(worst, abs(change))
@@ -219,6 +221,12 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
                 dx, dy, dz = dx + tx, dy + ty, dz + tz
             give_pair(each, c, k, dx, dy, dz)
     return worst, squares
+
+
+def bounces_at(law: Any, approach: Any) -> Any:
+    """Restitution at the approach of an impact [m/s]."""
+    e = type_of(approach, law.restitution)
+    return e if law.falling is None else e * falls_by(law.falling, approach)
 
 
 def given_at(bench: Any, k: Any, normal: Any, q: Any, approach: Any, later: Any, e: Any, lively: Any) -> Any:

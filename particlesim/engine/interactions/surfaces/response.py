@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.response import falls_by
 from particlesim.compiler import shared
 from particlesim.engine.interactions.surfaces.closest import (
     Four,
@@ -263,9 +264,7 @@ def difference_before(touches: Any, before: Any, n: Any) -> Any:
 
 
 @shared
-def prepare(
-    friction: Any, touches: Any, desk: Any, report: Any, first: Any, restitution: Any, v: Any, before: Any
-) -> Any:
+def prepare(law: Any, touches: Any, desk: Any, report: Any, first: Any, v: Any, before: Any) -> Any:
     """Friction and rebound of contacts from number `first` on; returns the fastest approach that forces brought about.
 
     What falls faster at the end of the step than at its beginning rebounds as it would have from its beginning: its way ends
@@ -283,10 +282,14 @@ def prepare(
         change = abs(now - then)
         most = max(most, change)
         faster = (now < 0) & (now < then)
-        touches.bound[REBOUND, n] = restitution * (max(-then, 0.0) / -now if faster else 1.0)
+        speed = max(-then, 0.0) if faster else max(-now, 0.0)
+        e = float(law.restitution)
+        if law.falling is not None:
+            e *= float(falls_by(law.falling, speed))
+        touches.bound[REBOUND, n] = e * (speed / -now if faster else 1.0)
         touches.bound[CALM, n] = REST * change
-        touches.bound[STATIC, n] = 0.0 if friction is None else float(friction.static)
-        touches.bound[KINETIC, n] = 0.0 if friction is None else float(friction.kinetic)
+        touches.bound[STATIC, n] = 0.0 if law.friction is None else float(law.friction.static)
+        touches.bound[KINETIC, n] = 0.0 if law.friction is None else float(law.friction.kinetic)
         touches.bound[PUSH, n] = touches.bound[LOSS, n] = 0.0
     return most
 

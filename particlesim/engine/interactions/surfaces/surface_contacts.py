@@ -207,8 +207,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
     if paired | has_bulges(parts):
         weigh(s, c.m, c.clock, desk)
         list_contacts(s, found, touches, desk, report, tune, c.r, x, before)
-        friction, restitution = each.law.friction, float(each.law.restitution)
-        most = prepare(friction, touches, desk, report, 0, restitution, v, before)
+        most = prepare(each.law, touches, desk, report, 0, v, before)
         fast, _ = add_patches(each, parts, c, before, t, h, False)
         if report[CONTACTS] > 0:
             most = max(most, fast)
@@ -225,7 +224,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
                 if paired:
                     find_again(each, c, before, gate, t, h)
                 missed = list_missed(s, found, touches, desk, report, tune, c.r, x, before)
-                most = max(most, prepare(friction, touches, desk, report, first, restitution, v, before))
+                most = max(most, prepare(each.law, touches, desk, report, first, v, before))
                 fast, more = add_patches(each, parts, c, before, t, h, True)
                 most, missed = max(most, fast), missed + more
                 look += 1
