@@ -1,6 +1,7 @@
 """Particles between random colliders: none is ever on the wrong side, and none gains energy.
 
     python tests/fuzz/fuzz_contact.py [--particle-steps 1e8] [--seed 0] [--particles 1024] [--only mesh] [--method …]
+        [--hypothesis]
 
 Every round draws a scene: a room of six walls with one of them twice (coincident planes), a wall across a corner and a ball;
 a room of thin sheets, which may be touched from both sides and so must be crossed by no way; a floor that flat sides of
@@ -21,7 +22,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import hypothesis
 import numpy as np
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis.strategies import data, floats, integers, sampled_from
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -81,7 +85,7 @@ class Scene(NamedTuple):
     floor: NDArray[Any] | None = None
 
 
-def surface(rng: np.random.Generator, rubs: bool) -> dict[str, Any]:
+def surface(rng: Any, rubs: bool) -> dict[str, Any]:
     """A response to contact; always with a record of friction where there `rubs` any, so that two programs are all."""
     chosen: dict[str, Any] = {"restitution": float(rng.choice([0, 0.3, 0.8, 1.0])), "contact": "bounce"}
     chosen["tangential_loss"] = float(rng.choice([0, 0, 0.1, 1.0]))
@@ -94,7 +98,7 @@ def surface(rng: np.random.Generator, rubs: bool) -> dict[str, Any]:
     return chosen
 
 
-def room(rng: np.random.Generator, rubs: bool) -> Scene:
+def room(rng: Any, rubs: bool) -> Scene:
     """Walls of a box from −1 to 1, one of them twice, one across a corner, and a ball in the middle."""
     walls = [PlaneCollider(normal=n, point=[-x for x in n], **surface(rng, rubs)) for n in (*AXES, AXES[2])]
     across = PlaneCollider(normal=[1, 1, 0.5], point=[-0.8, -0.8, -0.5], **surface(rng, rubs))
@@ -103,7 +107,7 @@ def room(rng: np.random.Generator, rubs: bool) -> Scene:
     return Scene([*walls, across, ball], False, 1.0, True)
 
 
-def sheets(rng: np.random.Generator, rubs: bool) -> Scene:
+def sheets(rng: Any, rubs: bool) -> Scene:
     """A room from −1 to 1 with walls that have two sides: rectangles or discs that reach beyond each other, rectangles that
     meet edge to edge, or a mesh."""
     kind = rng.choice(["rectangle", "disc", "mesh"])
@@ -124,7 +128,7 @@ def sheets(rng: np.random.Generator, rubs: bool) -> Scene:
     return Scene(walls, False, 1.0, True, bounds=bounds)
 
 
-def floor(rng: np.random.Generator, rubs: bool) -> Scene:
+def floor(rng: Any, rubs: bool) -> Scene:
     """Four solids of a kind that stand on a floor with flat sides, which nothing may be under: a plane, a box, or a sheet,
     turned in some way; in a hollow sphere. Boxes stand beside boxes, and one of the solids is pushed to and fro."""
     axis = rng.normal(size=3)
@@ -166,7 +170,7 @@ def floor(rng: np.random.Generator, rubs: bool) -> Scene:
 
 def standing(
     kind: str,
-    rng: np.random.Generator,
+    rng: Any,
     axes: NDArray[Any],
     turned: Orientation,
     at: NDArray[Any],
@@ -214,7 +218,7 @@ OF_LATER = 0.15
 """Of scenes whose names are not asked for, the part that is one of these."""
 
 
-def about(name: str, rng: np.random.Generator, rubs: bool) -> Scene:
+def about(name: str, rng: Any, rubs: bool) -> Scene:
     """A shape in the middle of a hollow sphere: at rest, twice in the same place, or led and turned."""
     given = COLLIDER_CASES[name]
     friction = {"friction": 0.0} if not rubs else {}
@@ -243,9 +247,7 @@ def _with(collider: Collider, values: dict[str, Any]) -> Collider:
     return made
 
 
-def start(
-    rng: np.random.Generator, scene: Scene, particles: int, radius: float
-) -> tuple[NDArray[Any], NDArray[Any]]:
+def start(rng: Any, scene: Scene, particles: int, radius: float) -> tuple[NDArray[Any], NDArray[Any]]:
     """Places and velocities, of which some are in corners, on edges and at walls, some along them, and some at rest."""
     inner = scene.size - radius
     if scene.room:
@@ -291,10 +293,22 @@ def broken_rules(
     method: str = METHODS[0],
 ) -> tuple[str, int, list[str]]:
     """The scene and the particle-steps of a round, and what went wrong in it; of some `among` its particles, or all."""
-    rng = np.random.default_rng([seed])
+    rng, later = np.random.default_rng([seed]), np.random.default_rng([seed, 7])
+    return broken_in_scene(rng, later, f"seed {seed}", particles, only, among, method)
+
+
+def broken_in_scene(
+    rng: Any,
+    later: Any,
+    seed: str,
+    particles: int,
+    only: str | None = None,
+    among: Sequence[int] | None = None,
+    method: str = METHODS[0],
+) -> tuple[str, int, list[str]]:
+    """`broken_rules` in a scene that is drawn by something like a generator of numpy."""
     rubs, radius = bool(rng.integers(2)), float(rng.choice([0.0, 0.05]))
     name = only or str(rng.choice([*ROOMS, *SHAPES]))
-    later = np.random.default_rng([seed, 7])
     if only is None and later.random() < OF_LATER:
         name = str(later.choice(LATER))
     scene = SCENES[name](rng, rubs) if name in SCENES else about(name, rng, rubs)
@@ -340,24 +354,107 @@ def broken_rules(
         slack = slack + gained * (np.linalg.norm(v, axis=1) + STEPS * gained)
     for k in range(STEPS):
         if run(stepped, c, 1, h, first_step=k).any():
-            wrong.append(f"{name}, seed {seed}, step {k}: not finite")
+            wrong.append(f"{name}, {seed}, step {k}: not finite")
             break
         deep = gaps(scene, position(c), radius, (k + 1) * h)
         if scene.moves:  # what is pushed may become faster
             reach = np.maximum(reach, scene.noise * (7 + h * np.abs(velocity(c)).max(axis=1)))
         sunk = np.flatnonzero(~(deep >= -64 * EPS * reach))[:3]
-        wrong += [f"{name}, seed {seed}, step {k}: particle {i} is {-deep[i]:.3g} m inside" for i in sunk]
+        wrong += [f"{name}, {seed}, step {k}: particle {i} is {-deep[i]:.3g} m inside" for i in sunk]
         on_time = velocity(c) + (0.5 * h * g if method == METHODS[1] else 0)
         energy = 0.5 * (on_time**2).sum(axis=1) - position(c) @ g
         if scene.moves:
             continue
         gains = np.flatnonzero(energy > before + slack)[:3]
         wrong += [
-            f"{name}, seed {seed}, step {k}: particle {i} gains {energy[i] - before[i]:.3g} J/kg"
-            for i in gains
+            f"{name}, {seed}, step {k}: particle {i} gains {energy[i] - before[i]:.3g} J/kg" for i in gains
         ]
         before = np.minimum(before, energy)
     return name, len(x) * STEPS, wrong
+
+
+class Drawn:
+    """Draws scenes by hypothesis, which looks for simple and for extreme ones, and makes those that break a rule simpler;
+    many numbers at once, such as places of all particles, come from a generator with a seed that it draws."""
+
+    FEW = 4
+
+    def __init__(self, draw: Any) -> None:
+        self.draw = draw
+        self.many = np.random.default_rng(draw(integers(0, 2**32 - 1)))
+
+    def _each(self, strategy: Any, size: Any) -> Any:
+        if size is None:
+            return self.draw(strategy)
+        return np.array([self.draw(strategy) for _ in range(int(np.prod(size)))]).reshape(size)
+
+    def _few(self, size: Any) -> bool:
+        return size is None or int(np.prod(size)) <= self.FEW
+
+    def choice(self, options: Any, size: Any = None) -> Any:
+        """As that of numpy."""
+        return (
+            self._each(sampled_from(list(options)), size)
+            if self._few(size)
+            else self.many.choice(options, size)
+        )
+
+    def integers(self, low: int, high: int | None = None, size: Any = None) -> Any:
+        """As that of numpy."""
+        low, high = (0, low) if high is None else (low, high)
+        return (
+            self._each(integers(low, high - 1), size)
+            if self._few(size)
+            else self.many.integers(low, high, size)
+        )
+
+    def uniform(self, low: float, high: float, size: Any = None) -> Any:
+        """As that of numpy."""
+        return self._each(floats(low, high), size) if self._few(size) else self.many.uniform(low, high, size)
+
+    def random(self, size: Any = None) -> Any:
+        """As that of numpy."""
+        return self.uniform(0.0, 1.0, size)
+
+    def normal(self, size: Any = None) -> Any:
+        """As that of numpy, but for tails; a direction has a length."""
+        if not self._few(size):
+            return self.many.normal(size=size)
+        found = self._each(floats(-3.0, 3.0), size)
+        assume(np.abs(found).max() > 0.01)
+        return found
+
+    def power(self, a: float, size: Any) -> Any:
+        """As that of numpy."""
+        return self.many.power(a, size)
+
+    def spawn(self, number: int) -> list[Drawn]:
+        """Draws that follow these."""
+        return [self] * number
+
+
+def search(particle_steps: float, particles: int, seed: int, only: str | None, method: str | None) -> int:
+    """Rounds by hypothesis; the particle-steps of all. Raises AssertionError with the simplest scene that breaks a rule."""
+    done = 0
+
+    @hypothesis.seed(seed)
+    @settings(
+        max_examples=int(particle_steps / (particles * STEPS)) + 1,
+        database=None,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(data())
+    def look(found: Any) -> None:
+        nonlocal done
+        rng = Drawn(found.draw)
+        by = method or found.draw(sampled_from(METHODS))
+        _, steps, wrong = broken_in_scene(rng, rng, "hypothesis", particles, only, None, by)
+        done += steps
+        assert not wrong, f"{by}, {wrong}"
+
+    look()
+    return done
 
 
 def main() -> None:
@@ -370,7 +467,14 @@ def main() -> None:
     parser.add_argument("--particles", type=int, default=1024, help="in a round")
     parser.add_argument("--only", help="the name of one scene")
     parser.add_argument("--method", choices=METHODS, help="one method")
+    parser.add_argument(
+        "--hypothesis", action="store_true", help="scenes that hypothesis draws, and makes simple"
+    )
     asked = parser.parse_args()
+    if asked.hypothesis:
+        done = search(asked.particle_steps, asked.particles, asked.seed, asked.only, asked.method)
+        print(f"{done:,} particle-steps by hypothesis, none broken")
+        return
     done, seed, wrong = 0, asked.seed, 0
     table: dict[str, tuple[int, float, int]] = {}
     while done < asked.particle_steps:

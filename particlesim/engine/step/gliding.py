@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from particlesim.colliders.dents import dented
+from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
@@ -56,6 +57,14 @@ def glide(
     return q, memory, on, turn
 
 
+def _carried(colliders: Any, on: Any) -> Any:
+    """Whether a particle lies on a collider that moves."""
+    if len(colliders) == 0:
+        return False
+    others = _carried(colliders[1:], on[1:])
+    return others | on[0] if isinstance(colliders[0].shape, MovingRecord) else others
+
+
 def _off(colliders: Any, on: Any, q: Any, r: Any, slack: Any) -> Any:
     """Whether the end r of a step that would be free to q is above all thin colliders on which a particle lies."""
     if len(colliders) == 0:
@@ -86,7 +95,7 @@ def _sunk(colliders: Any, on: Any, p: Any, q: Any, slack: Any) -> Any:
 def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, sure: Any) -> Any:
     """The step of a particle that lies on several colliders, one of which moves it off or into another: on one of them,
     along the crease between two, or on each in turn. One that stays caught comes to rest where it was; at a shape
-    with dents, whose rounded edges no plane follows, it lies on nothing, and hops."""
+    with dents, whose rounded edges no plane follows, or one that moves on, it lies on nothing, and hops."""
     turn, found = type_of(h, 1), False
     for k, c in enumerate(contacts.continuous):
         if on[k] & (not found):
@@ -111,7 +120,7 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
             sweeps += 1
         dents = any(dented(c.shape) for c in contacts.continuous)
         if _sunk(contacts.continuous, on, p, r, slack):
-            if dents:
+            if dents or _carried(contacts.continuous, on):
                 r, on, turn = q, nowhere(contacts.continuous), type_of(h, 1)
             else:
                 zero = h - h
