@@ -83,7 +83,7 @@ FEWER = {
 
 ONE_OF_EACH_KIND = (
     *("fountain", "solar_system", "pendulum_chain", "flag"),
-    *("bridge_collapse", "cloth_over_sphere", "argon_melt"),
+    *("bridge_collapse", "argon_melt"),
 )
 """Of all ways to step; the others take as long, nearly all of it for compiling."""
 
@@ -116,7 +116,7 @@ def start_of(scenario: ps.Scenario, group: str) -> tuple[NDArray[Any], NDArray[A
     return position, np.broadcast_to(velocity, position.shape)
 
 
-QUICK = ("bullet_and_paper", "pool_break", "marble_run")
+QUICK = ("bullet_and_paper", "marble_run")
 """Some of all kinds; the others take four minutes together. Those of springs and sand are in tests of their own."""
 
 

@@ -82,7 +82,7 @@ def test_they_keep_their_height_and_tell_if_they_sink(step: float, sinks: bool) 
     assert any("sunk" in text for text in told) == sinks
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("restitution", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_a_heap_that_loses_its_floor_falls_as_one(restitution: float) -> None:
     # What the last step has given is too much now. The floor goes away at 40 m/s², and in 0.1 s all fall by as much.
     scenario = heap(6, 2.1, contact={"restitution": restitution}, output={"every": 50, "ledger": True})

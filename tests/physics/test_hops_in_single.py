@@ -119,7 +119,9 @@ def bound(speed: Any, ulp: float, dt: float, steps: int) -> Any:
     return speed * ulp / dt + 0.5 * (ulp / dt) ** 2 + 4 * G * ulp * np.sqrt(steps / 12)
 
 
-@pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler"])
+@pytest.mark.parametrize(
+    "method", ["velocity_verlet", pytest.param("symplectic_euler", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize(("shape", "inside"), CASES)
 def test_hops_on_what_is_large_gain_nothing(shape: str, inside: bool, method: str, tmp_path: Path) -> None:
     """Balls that drop 1 mm. They fell in by 16 rounding errors of all coordinates, 1e-4 m, before a step saw it, and were

@@ -170,7 +170,7 @@ def in_small_steps(method: str) -> NDArray[np.float64]:
     [
         pytest.param("implicit_midpoint", 2, marks=pytest.mark.slow),
         pytest.param("trapezoidal", 2, marks=pytest.mark.slow),
-        ("bdf2", 2),
+        pytest.param("bdf2", 2, marks=pytest.mark.slow),
         (CONVERGED, 1),
     ],
 )

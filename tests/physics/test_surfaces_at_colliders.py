@@ -83,7 +83,7 @@ def test_nothing_gets_between_particles(shape: str, what: str, speed: float) -> 
     # at 200 m/s a step of 1 ms is 33 radii long
     scenario = thrown(SHAPES[shape], cloth(speed) if what == "cloth" else line(speed))
     simulation, worst, touched = Simulation(scenario, threads=1), 0.0, 0
-    for step in range(3, 301 if speed < 5 else 61, 3):
+    for step in range(3, 301, 3) if speed < 5 else range(1, 41):
         simulation.advance_to(step)
         worst = max(worst, depth(simulation, scenario.colliders[0].body()))
         touched += int(contacts_of(simulation).report[CONTACTS])
@@ -92,7 +92,7 @@ def test_nothing_gets_between_particles(shape: str, what: str, speed: float) -> 
     # the middle stays outside: `CORE` of the thickness, which shapes with dents may enter by a quarter
     assert worst < 1.0 if shape in ("ring", "both") else worst < 1 - CORE + 0.1
     if speed == 0.0:
-        assert worst < 1 - THINNER + 0.05
+        assert worst < 1 - THINNER + (0.3 if shape in ("ring", "both") else 0.05)
 
 
 @pytest.mark.parametrize("motion", ["path", "turn"])
@@ -239,6 +239,41 @@ def test_what_nothing_keeps_apart_goes_with_the_collider() -> None:
     assert x[:, 1].min() > -0.01
 
 
+def test_a_start_close_to_a_bar_slides_off_it() -> None:
+    # 0.2 mm above it, nearer than the contact keeps: it was held there for good
+    made = rope("rope", [-0.42, 0.0302, 0], [0.78, 0.0302, 0], 14)
+    bar = {"type": "capsule", "start": [0, 0, -0.5], "end": [0, 0, 0.5], "radius": 0.03, "friction": 0.0}
+    simulation = Simulation(thrown(bar, made), threads=1)
+    simulation.advance_to(1000)
+    y = simulation.states[0].position[:, 1]
+    simulation.close()
+    assert y.max() < 0
+
+
+def test_a_rope_hangs_by_static_friction_without_creep() -> None:
+    """It holds up to a ratio e^(μ π) of the lengths at both sides, 23 with μ = 1; these are as 1.2 to 1."""
+    made = {**rope("rope", [-0.45, 0.037, 0], [0.55, 0.037, 0], 31), "mass": 0.1}
+    made["springs"] = {"structural": 500.0, "damping_ratio": 0.3}
+    bar = {"type": "capsule", "start": [0, 0, -0.5], "end": [0, 0, 0.5], "radius": 0.03, "friction": 1.0}
+    forces = [{"type": "gravity"}, {"type": "linear_drag", "coefficient": 0.03}]
+    simulation = Simulation(thrown(bar, made, dt=5e-4, forces=forces), threads=1)
+    simulation.advance_to(4000)
+    then = simulation.states[0].position.copy()
+    simulation.advance_to(6000)
+    moved = np.abs(simulation.states[0].position - then).max()
+    simulation.close()
+    assert moved < 2e-5  # 5 to 7 mm a second, where friction was that of each turn by itself
+
+
+def test_an_edge_rests_on_a_flat_side() -> None:
+    box = {"type": "box", "size": [0.3, 0.3, 0.3], "friction": 0.5}
+    simulation = Simulation(thrown(box, {**rope("stick", [-0.25, 0.16, 0], [0.25, 0.16, 0], 2)}), threads=1)
+    simulation.advance_to(1000)
+    v = simulation.states[0].velocity
+    simulation.close()
+    assert np.abs(v).max() < 1e-3  # a tenth of g dt; with one contact for both ends it was half of it
+
+
 def test_what_comes_between_particles_is_told() -> None:
     def told(group: dict[str, Any], shape: dict[str, Any], *laws: Any) -> list[str]:
         collider = {"name": "it", **shape}
@@ -263,6 +298,9 @@ def test_what_comes_between_particles_is_told() -> None:
     assert "only the particles of 'low' touch box it" in text
     assert not told(sheet("low"), {**box, "inside": True, "size": [9, 9, 9]})
     assert not told(sheet("low"), {**box, "contact": "kill"})
+    for yields in ({"contact": "stick"}, {"contact": "penalty", "stiffness": 1e3}):
+        (text,) = told(sheet("low"), {**box, **yields}, TOUCH)
+        assert "only the particles of 'low' touch box it" in text
     (text,) = told(sheet("low"), {**box, "center": [0.03, 0, 0.02]}, TOUCH)
     assert "'low' goes through box it at the start, between its particles, the first time near (" in text
 

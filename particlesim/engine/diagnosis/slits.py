@@ -39,18 +39,29 @@ def slits(world: World) -> Iterator[str]:
             if not (has_extent(group) and state.count and isinstance(group, Particles)):
                 continue
             layout = group.layout.open(world.scenario.folder)
-            held = [each for each in colliders if each.contact in ("bounce", "slide") and not each.soft]
+            held = [each for each in colliders if each.contact != "kill"]
             held = [each for each in held if bend(own_shape(each.body())) >= 0]
+            hard = [each for each in held if each.contact in ("bounce", "slide") and not each.soft]
             triangles, edges = layout.triangles(), layout.edges(STRUCTURAL)
             if group.name in covered:
                 corners = triangles.T if triangles.size else edges.T[[0, 1, 1]]
-                yield from _crossing(state, corners, bool(triangles.size), held)
+                yield from _crossing(state, corners, bool(triangles.size), hard)
+                if loose := [each for each in held if each not in hard]:
+                    yield (
+                        f"only the particles of {state.name!r} touch {_listed(loose)}: what is sharp or thin comes through "
+                        "between them, as what yields or holds does not touch edges and triangles"
+                    )
             else:
                 yield from _open(state, edges, bool(triangles.size), held)
 
 
 def _called(each: Collider) -> str:
     return f"{each.kind} {each.name or ''}".rstrip()
+
+
+def _listed(colliders: list[Collider]) -> str:
+    names = [_called(each) for each in colliders[:MOST]]
+    return ", ".join(names) + (f" and {len(colliders) - MOST} more" if len(colliders) > MOST else "")
 
 
 def _crossing(state: GroupState, corners: Ints, face: bool, colliders: list[Collider]) -> Iterator[str]:
@@ -75,7 +86,7 @@ def _open(state: GroupState, edges: Ints, face: bool, colliders: list[Collider])
     Particles with radius r stand off from a ball of radius R by r. The middle of a triangle with corners there and a
     circumscribed circle of radius ρ is √((R + r)² − ρ²) from the centre, which should not be less than R.
     """
-    x, sharp = state.position.astype(float), []
+    x, sharp = state.position.astype(float), list[Collider]()
     longest = float(np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1).max(initial=0.0))
     half = longest * (0.5**0.5 if face else 0.5)
     thin = float(state.radius[: state.count].min())
@@ -83,7 +94,7 @@ def _open(state: GroupState, edges: Ints, face: bool, colliders: list[Collider])
         size = getattr(each, "radius", None)
         if each.kind not in ROUND or size is None:
             if longest > 2 * thin:
-                sharp.append(_called(each))
+                sharp.append(each)
             continue
         least = math.hypot(size, half) - size
         if thin < 0.99 * least:
@@ -93,8 +104,7 @@ def _open(state: GroupState, edges: Ints, face: bool, colliders: list[Collider])
                 f"keeps it out, and so do shorter edges, or a radius of {least:.2g} m"
             )
     if sharp:
-        names = ", ".join(sharp[:MOST]) + (f" and {len(sharp) - MOST} more" if len(sharp) > MOST else "")
         yield (
-            f"only the particles of {state.name!r} touch {names}: what is sharp or thin comes through between them; an "
-            "interaction of type contact for it keeps all of it out"
+            f"only the particles of {state.name!r} touch {_listed(sharp)}: what is sharp or thin comes through between "
+            "them; an interaction of type contact for it keeps all of it out"
         )

@@ -172,9 +172,11 @@ def deepest(face: Any, shape: Any, patch: Any, inner: Any, beyond: Any, thick: A
     return Deepest(v, w, best, min(safe, best))
 
 
-def lowest_on_edge(shape: Any, patch: Any, inner: Any, like: Any, t: Any) -> Any:
-    """The weight of the second end where the gap of an edge to a convex shape is least: there its slope changes sign."""
+def lowest_on_edge(shape: Any, patch: Any, inner: Any, slack: Any, like: Any, t: Any) -> Any:
+    """The weight of the second end where the gap of an edge to a convex shape is least: there its slope changes sign; and
+    those between which it is greater by no more than `slack` [m]."""
     low, high = 0.5 * (1.0 - inner), 0.5 * (1.0 + inner)
+    first, last = low, high
     for _ in range(HALVINGS):
         v = 0.5 * (low + high)
         _, axes = gap_and_normal(shape, at_point(point_on(patch, v, 0.0), like, t))
@@ -182,7 +184,21 @@ def lowest_on_edge(shape: Any, patch: Any, inner: Any, like: Any, t: Any) -> Any
         for axis, a, b in zip(axes, patch.a, patch.b, strict=True):
             slope += 0.0 if axis is None else float(axis) * (b - a)
         low, high = (v, high) if slope < 0 else (low, v)
-    return 0.5 * (low + high)
+    v = 0.5 * (low + high)
+    level = float(sure_gap(shape, at_point(point_on(patch, v, 0.0), like, t))) + slack
+    return v, _up_to(shape, patch, v, first, level, like, t), _up_to(shape, patch, v, last, level, like, t)
+
+
+@outlined
+def _up_to(shape: Any, patch: Any, v: Any, end: Any, level: Any, like: Any, t: Any) -> Any:
+    """Up to which weight from v towards an end the gap of an edge is no greater than a level."""
+    if float(sure_gap(shape, at_point(point_on(patch, end, 0.0), like, t))) <= level:
+        return end
+    for _ in range(HALVINGS):
+        middle = 0.5 * (v + end)
+        below = float(sure_gap(shape, at_point(point_on(patch, middle, 0.0), like, t))) <= level
+        v, end = (middle, end) if below else (v, middle)
+    return v
 
 
 @kernel

@@ -28,6 +28,7 @@ from particlesim.engine.interactions.surfaces.deepest import (
     lowest_on_edge,
     own_shape,
     point_on,
+    size_of,
 )
 from particlesim.engine.interactions.surfaces.record import CONTACTS, LOST
 from particlesim.engine.interactions.surfaces.response import (
@@ -41,7 +42,7 @@ from particlesim.engine.interactions.surfaces.response import (
     REST,
     STATIC,
 )
-from particlesim.engine.interactions.surfaces.walls import velocity_of
+from particlesim.engine.interactions.surfaces.walls import carried_by, velocity_of
 from particlesim.engine.state.columns import fetch, type_of
 from particlesim.laws.registry import PASS, bend, gap_and_normal, sure_gap
 
@@ -260,6 +261,8 @@ def _meet(
                 goal = min(goal, 0.5 * (began - thick))
                 going = began > -thick
             close = goal + CLOSE * thick
+            if again:  # what has begun closer than that is not nearer for that
+                close = min(close, 0.5 * (goal + began))
             while going & (found.gap > close) & (turn < MOST_ADVANCES):
                 going = found.safe - way * (1.0 - s) < goal
                 if going:
@@ -269,10 +272,17 @@ def _meet(
                     going = (s < 1.0) | (found.gap <= close)
                     turn += 1
             if going & (found.safe - way * (1.0 - s) < goal):
-                v, w = found.v, found.w
-                if not face and is_convex(shape):
-                    v = lowest_on_edge(shape, patch, inner, like, t)
-                result = _note(each, collider, patch, v, w, s, began, i, j, k, c, before, t, h)
+                if face or not is_convex(shape):
+                    result = _note(
+                        each, collider, patch, found.v, found.w, s, began, i, j, k, c, before, t, h
+                    )
+                else:  # both ends of what lies on it, as one spot would be the other in each step
+                    v, first, last = lowest_on_edge(shape, patch, inner, FLAT * thick, like, t)
+                    if (last - first) * size_of(patch, 0.5, 0.0) > 0.5 * thick:
+                        v = last
+                        result = _note(each, collider, patch, first, 0.0, s, began, i, j, k, c, before, t, h)
+                    more = _note(each, collider, patch, v, 0.0, s, began, i, j, k, c, before, t, h)
+                    result = max(result, more)
     return result
 
 
@@ -316,7 +326,8 @@ def _note(
         n = out_of(frame.rows, n)
         place = out_of(frame.rows, (place[0] - moved.x, place[1] - moved.y, place[2] - moved.z))
         place = place[0] + frame.x, place[1] + frame.y, place[2] + frame.z
-    drift = velocity_of(collider, at_point((*place, 0.0), like, t), n)
+    here = at_point((*place, 0.0), like, t)
+    drift, carried = velocity_of(collider, here, n), carried_by(collider.shape, here, h)
     goal = min(began + GENTLY * x[3], 0.0) - float(g)
     for corner, (row, weight) in enumerate(((i, u), (j, v), (k, w), (i, 0.0))):
         touches.rows[corner, number], touches.weights[corner, number] = row, weight
@@ -331,6 +342,7 @@ def _note(
         normal, belt = float(n[axis]), float(drift[axis])
         touches.normal[axis, number] = normal
         touches.drift[axis, number] = belt
+        touches.rubbed[axis, number], touches.carried[axis, number] = 0.0, float(carried[axis])
         touches.shift[axis, number] = s * way + (1.0 - s) * belt * float(h)
         goal += normal * float(place[axis])
         now += normal * (speed - belt)

@@ -86,8 +86,9 @@ class Candidates(NamedTuple):
 class Touches(NamedTuple):
     """Contacts of a step: rows [4, room], weights [4, room]; unit normals, and what the difference of places along them must
     be at least [m] [4, room]; displacement from which sliding is measured [3, room] [m], velocity likewise; how both are
-    bound: μ_s, μ_k, the part of an approach that rebounds and the speed above which it does, the push so far, and the part
-    of sliding that is lost at once [6, room]."""
+    bound: μ_s, μ_k, the part of an approach that rebounds and the speed above which it does, the push so far, the part of
+    sliding that is lost at once, and the impulse so far [7, room]; what friction has done so far [3, room],
+    and how far a collider goes there in the step [3, room] [m]."""
 
     rows: Any
     weights: Any
@@ -95,6 +96,8 @@ class Touches(NamedTuple):
     shift: Any
     drift: Any
     bound: Any
+    rubbed: Any
+    carried: Any
 
 
 class Beside(NamedTuple):
@@ -203,7 +206,9 @@ def new_touches(room: int) -> Touches:
         np.zeros((4, room)),
         np.zeros((3, room)),
         np.zeros((3, room)),
-        np.zeros((6, room)),
+        np.zeros((7, room)),
+        np.zeros((3, room)),
+        np.zeros((3, room)),
     )
 
 

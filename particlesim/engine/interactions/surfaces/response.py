@@ -48,7 +48,7 @@ SETTLED, CALMED = 1e-3, 1e-2
 have brought about in the step: the rest is corrected in the next."""
 REST = 2.0
 """Steps in which forces bring about an approach that counts as rest."""
-STATIC, KINETIC, REBOUND, CALM, PUSH, LOSS = range(6)
+STATIC, KINETIC, REBOUND, CALM, PUSH, LOSS, GIVEN = range(7)
 """Rows of `Touches.bound`."""
 
 
@@ -129,7 +129,7 @@ def append(
             i = touches.rows[corner, n]
             u += touches.weights[corner, n] * (float(x[k][i]) - float(before[k, i]))
         touches.shift[k, n] = part * u
-        touches.drift[k, n] = 0.0
+        touches.drift[k, n] = touches.rubbed[k, n] = touches.carried[k, n] = 0.0
     report[CONTACTS] = n + 1
 
 
@@ -305,6 +305,21 @@ def widened(touches: Any, report: Any, before: Any) -> Any:
     return most
 
 
+def rub(touches: Any, desk: Any, columns: Any, n: Any, whole: Any, x: Any, y: Any, z: Any, push: Any) -> Any:
+    """Friction of contact n, which has been pushed by `push` in all: it takes back what slides, (x, y, z), up to μ_s of the
+    push in all turns together, or is μ_k of it; returns by how much it has changed what slides."""
+    fx, fy, fz = touches.rubbed[0, n] - x, touches.rubbed[1, n] - y, touches.rubbed[2, n] - z
+    size = np.sqrt(fx * fx + fy * fy + fz * fz)
+    part = 1.0
+    if size > touches.bound[STATIC, n] * push:
+        part = min(touches.bound[KINETIC, n] * push / size, 1.0)
+    fx, fy, fz = part * fx, part * fy, part * fz
+    dx, dy, dz = fx - touches.rubbed[0, n], fy - touches.rubbed[1, n], fz - touches.rubbed[2, n]
+    touches.rubbed[0, n], touches.rubbed[1, n], touches.rubbed[2, n] = fx, fy, fz
+    shove(touches, desk, columns, n, dx / whole, dy / whole, dz / whole)
+    return np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
 @shared
 def displace(touches: Any, desk: Any, report: Any, x: Any, before: Any, backwards: Any) -> Any:
     """A turn through all contacts that corrects displacements; returns the largest correction [m]."""
@@ -313,62 +328,55 @@ def displace(touches: Any, desk: Any, report: Any, x: Any, before: Any, backward
         n = number - 1 - k if backwards else k
         nx, ny, nz = touches.normal[0, n], touches.normal[1, n], touches.normal[2, n]
         goal, push = touches.normal[3, n], touches.bound[PUSH, n]
-        here, there = difference(touches, x, n), difference_before(touches, before, n)
-        short = goal - (here[0] * nx + here[1] * ny + here[2] * nz)
-        add = max(short, -push)
-        if add != 0:
-            whole = inertia(touches, desk, n)
-            if whole > 0:
-                worst = max(worst, abs(add))
-                push += add
-                touches.bound[PUSH, n] = push
-                by = add / whole
-                dx, dy, dz = by * nx, by * ny, by * nz
-                if (touches.bound[STATIC, n] > 0) & (add > 0):
-                    ux = here[0] - there[0] - touches.shift[0, n]
-                    uy = here[1] - there[1] - touches.shift[1, n]
-                    uz = here[2] - there[2] - touches.shift[2, n]
-                    along = ux * nx + uy * ny + uz * nz
-                    ux, uy, uz = ux - along * nx, uy - along * ny, uz - along * nz
-                    slip = np.sqrt(ux * ux + uy * uy + uz * uz)
-                    if slip > 0:
-                        holds = slip <= touches.bound[STATIC, n] * add
-                        part = 1.0 if holds else min(touches.bound[KINETIC, n] * add / slip, 1.0)
-                        by = part / whole
-                        dx, dy, dz = dx - by * ux, dy - by * uy, dz - by * uz
-                shove(touches, desk, x, n, dx, dy, dz)
+        here, whole = difference(touches, x, n), inertia(touches, desk, n)
+        add = max(goal - (here[0] * nx + here[1] * ny + here[2] * nz), -push)
+        if whole > 0 and (add != 0 or push > 0):
+            worst = max(worst, abs(add))
+            push += add
+            touches.bound[PUSH, n] = push
+            shove(touches, desk, x, n, add / whole * nx, add / whole * ny, add / whole * nz)
+            if touches.bound[STATIC, n] > 0:
+                there = difference_before(touches, before, n)
+                ux = here[0] - there[0] - touches.shift[0, n]
+                uy = here[1] - there[1] - touches.shift[1, n]
+                uz = here[2] - there[2] - touches.shift[2, n]
+                along = ux * nx + uy * ny + uz * nz
+                ux, uy, uz = ux - along * nx, uy - along * ny, uz - along * nz
+                worst = max(worst, rub(touches, desk, x, n, whole, ux, uy, uz, push))
     return worst
 
 
 @shared
+def begin_impulses(touches: Any, report: Any) -> None:
+    """No contact has been given an impulse, nor has friction."""
+    for n in range(report[CONTACTS]):
+        touches.bound[GIVEN, n] = 0.0
+        for k in range(3):
+            touches.rubbed[k, n] = 0.0
+
+
+@shared
 def give_impulses(touches: Any, desk: Any, report: Any, v: Any, backwards: Any) -> Any:
-    """A turn through all contacts that have pushed; returns the fastest approach that it met [m/s]."""
+    """A turn through all contacts that have pushed; returns the fastest approach or change of sliding [m/s]."""
     worst, number = 0.0, report[CONTACTS]
     for k in range(number):
         n = number - 1 - k if backwards else k
         if touches.bound[PUSH, n] > 0:
             nx, ny, nz = touches.normal[0, n], touches.normal[1, n], touches.normal[2, n]
-            u = difference(touches, v, n)
+            u, whole = difference(touches, v, n), inertia(touches, desk, n)
             ux, uy, uz = u[0] - touches.drift[0, n], u[1] - touches.drift[1, n], u[2] - touches.drift[2, n]
             rate = ux * nx + uy * ny + uz * nz
-            if rate < 0:
-                whole = inertia(touches, desk, n)
-                if whole > 0:
+            if whole > 0 and (rate < 0 or touches.bound[GIVEN, n] > 0):
+                if rate < 0:
                     worst = max(worst, -rate)
                     change = -rate
                     if change > touches.bound[CALM, n]:
                         change *= 1.0 + touches.bound[REBOUND, n]
-                    by = change / whole
-                    dx, dy, dz = by * nx, by * ny, by * nz
-                    if touches.bound[STATIC, n] > 0:
-                        sx, sy, sz = ux - rate * nx, uy - rate * ny, uz - rate * nz
-                        slip = np.sqrt(sx * sx + sy * sy + sz * sz)
-                        if slip > 0:
-                            holds = slip <= touches.bound[STATIC, n] * change
-                            part = 1.0 if holds else min(touches.bound[KINETIC, n] * change / slip, 1.0)
-                            by = part / whole
-                            dx, dy, dz = dx - by * sx, dy - by * sy, dz - by * sz
-                    shove(touches, desk, v, n, dx, dy, dz)
+                    touches.bound[GIVEN, n] += change
+                    shove(touches, desk, v, n, change / whole * nx, change / whole * ny, change / whole * nz)
+                if touches.bound[STATIC, n] > 0:
+                    sx, sy, sz = ux - rate * nx, uy - rate * ny, uz - rate * nz
+                    worst = max(worst, rub(touches, desk, v, n, whole, sx, sy, sz, touches.bound[GIVEN, n]))
     return worst
 
 

@@ -52,6 +52,7 @@ from particlesim.engine.interactions.surfaces.response import (
     MORE_TURNS,
     SETTLED,
     TURNS,
+    begin_impulses,
     displace,
     give_impulses,
     list_contacts,
@@ -229,6 +230,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
                 most, missed = max(most, fast), missed + more
                 look += 1
             report[CONTACTS] = first
+            begin_impulses(touches, report)
             turn, going = 0, True
             while going & (turn < MORE_TURNS):
                 going = give_impulses(touches, desk, report, v, turn % 2) > CALMED * most
@@ -272,7 +274,7 @@ def move_as_one(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h
         else:
             join(touches, desk, 0, report[CONTACTS])
             sum_zones(s, desk, x, v, c.m, before)
-            stand_on(touches, desk, report, first, s, x, v, before, h)
+            stand_on(touches, desk, report, first, s, x, v, before)
             move_zones(s, desk, report, x, v, before)
             stand_at_walls(each, parts, c, t, h)
             move_zones(s, desk, report, x, v, before)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.moving import MovingRecord, carried, frame_at, surface_velocity
+from particlesim.colliders.moving import MovingRecord, alight, carried, frame_at, ride, surface_velocity
 from particlesim.colliders.response import along_surface, put_back
 from particlesim.compiler import outlined, shared
 from particlesim.engine.interactions.hard.walls import colliders_of, whole
@@ -19,7 +19,7 @@ from particlesim.engine.interactions.surfaces.record import CONTACTS, LOST
 from particlesim.engine.interactions.surfaces.response import CALM, KINETIC, LOSS, PUSH, REBOUND, STATIC
 from particlesim.engine.interactions.surfaces.zones import stand
 from particlesim.engine.state.columns import fetch, type_of
-from particlesim.laws.registry import PASS, gap_and_normal
+from particlesim.laws.registry import PASS, gap_and_normal, moved_to
 
 NEAR = 1.0
 """Gap to a collider, as a part of the radius, below which a particle gets a contact with it."""
@@ -64,6 +64,7 @@ def _add_wall(each: Any, collider: Any, c: Any, t: Any, h: Any, first: Any, last
                         touches.normal[axis, k] = float(u)
                         touches.drift[axis, k] = float(w)
                         touches.shift[axis, k] = float(w) * float(h)
+                        touches.rubbed[axis, k] = touches.carried[axis, k] = 0.0
                         goal += float(u) * float(x)
                     touches.normal[3, k] = goal
                     friction = response.friction
@@ -135,6 +136,16 @@ def stand_at_walls(each: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
             _stand_at_wall(each, collider, c, t, h, part.first, part.last)
 
 
+def carried_by(shape: Any, p: Any, h: Any) -> Any:
+    """How far a collider has gone in a step of h where a particle is at the end of it [m]."""
+    zero = type_of(p.x, 0)
+    if not isinstance(shape, MovingRecord):
+        return float(zero), float(zero), float(zero)
+    local = ride(shape, p)
+    was = alight(shape, moved_to(local, local.x, local.y, local.z, zero, zero, zero, p.t - h))
+    return float(p.x - was.x), float(p.y - was.y), float(p.z - was.z)
+
+
 @outlined
 def _stand_at_wall(each: Any, collider: Any, c: Any, t: Any, h: Any, first: Any, last: Any) -> None:
     for i in range(first, last):
@@ -143,4 +154,4 @@ def _stand_at_wall(each: Any, collider: Any, c: Any, t: Any, h: Any, first: Any,
             g, n = gap_and_normal(collider.shape, p)
             if g < 0:
                 x, y, z = (float(u) for u in velocity_of(collider, p, whole(n, g)))
-                stand(each.desk, i, (h * x, h * y, h * z), (x, y, z))
+                stand(each.desk, i, carried_by(collider.shape, p, h), (x, y, z))

@@ -67,9 +67,7 @@ def stand(desk: Any, i: Any, way: Any, speed: Any) -> None:
 
 
 @shared
-def stand_on(
-    touches: Any, desk: Any, report: Any, first: Any, s: Any, x: Any, v: Any, before: Any, h: Any
-) -> None:
+def stand_on(touches: Any, desk: Any, report: Any, first: Any, s: Any, x: Any, v: Any, before: Any) -> None:
     """Zones of contacts with colliders, from number `first` on, go with these, and so do those that have before."""
     for j in range(s.rows.size):
         i = s.rows[j]
@@ -77,9 +75,10 @@ def stand_on(
             a, b, c = (float(x[k][i]) - float(before[k, i]) for k in range(3))
             stand(desk, i, (a, b, c), (float(v[0][i]), float(v[1][i]), float(v[2][i])))
     for n in range(first, report[CONTACTS]):
-        i, (a, b, c) = touches.rows[0, n], (touches.drift[0, n], touches.drift[1, n], touches.drift[2, n])
+        i = touches.rows[0, n]
         if (desk.mark[i] & LEANS) == 0:
-            stand(desk, i, (h * a, h * b, h * c), (a, b, c))
+            way = touches.carried[0, n], touches.carried[1, n], touches.carried[2, n]
+            stand(desk, i, way, (touches.drift[0, n], touches.drift[1, n], touches.drift[2, n]))
             desk.mark[i] |= LEANS
 
 
