@@ -378,6 +378,8 @@ class Drawn:
     many numbers at once, such as places of all particles, come from a generator with a seed that it draws."""
 
     FEW = 4
+    NOTHING = 1e-12
+    """Parts of a direction that count as none. What 10⁻⁶⁹ of gravity presses on a floor may come 1 µm into a wall in a step."""
 
     def __init__(self, draw: Any) -> None:
         self.draw = draw
@@ -421,6 +423,7 @@ class Drawn:
         if not self._few(size):
             return self.many.normal(size=size)
         found = self._each(floats(-3.0, 3.0), size)
+        found[np.abs(found) < self.NOTHING] = 0.0
         assume(np.abs(found).max() > 0.01)
         return found
 
