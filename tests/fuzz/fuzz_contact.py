@@ -379,7 +379,7 @@ class Drawn:
 
     FEW = 4
     NOTHING = 1e-12
-    """Parts of a direction that count as none. What 10⁻⁶⁹ of gravity presses on a floor may come 1 µm into a wall in a step."""
+    """Parts of a direction that count as none. What 10⁻⁶⁹ of gravity presses on a floor may come 1 µm into a wall."""
 
     def __init__(self, draw: Any) -> None:
         self.draw = draw
