@@ -82,7 +82,7 @@ FEWER = {
 
 
 ONE_OF_EACH_KIND = (
-    *("fountain", "solar_system", "pendulum_chain", "flag"),
+    *("fountain", "solar_system", "pendulum_chain"),
     *("bridge_collapse", "argon_melt"),
 )
 """Of all ways to step; the others take as long, nearly all of it for compiling."""

@@ -95,6 +95,7 @@ def test_strands_of_hair_keep_their_length() -> None:
     assert tip[0] > root[0], "and with the wind"
 
 
+@pytest.mark.slow
 def test_locks_of_hair_hold_each_other_off() -> None:
     # without contact some hundred are nearer than they are thick; what is so at the start moves apart
     result = run("head_of_hair", duration=0.4)

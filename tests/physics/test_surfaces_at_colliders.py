@@ -75,9 +75,17 @@ def depth(simulation: Simulation, shape: Any) -> float:
     return float(-out.min() / R)
 
 
-@pytest.mark.parametrize("speed", [0.0, pytest.param(5.0, marks=pytest.mark.slow), 200.0])
-@pytest.mark.parametrize("what", ["cloth", "line"])
-@pytest.mark.parametrize("shape", list(SHAPES))
+@pytest.mark.parametrize(
+    ("shape", "what", "speed"),
+    [
+        (shape, what, speed)
+        if (what == "line" and speed != 5.0) or (shape in ("corner", "ring") and speed == 200.0)
+        else pytest.param(shape, what, speed, marks=pytest.mark.slow)
+        for shape in SHAPES
+        for what in ("cloth", "line")
+        for speed in (0.0, 5.0, 200.0)
+    ],
+)
 def test_nothing_gets_between_particles(shape: str, what: str, speed: float) -> None:
     # at 200 m/s a step of 1 ms is 33 radii long
     scenario = thrown(SHAPES[shape], cloth(speed) if what == "cloth" else line(speed))

@@ -103,7 +103,7 @@ def test_memory_of_pairs(law, box, most):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc tells the peak of memory")
-@pytest.mark.parametrize("recorded", [False, True])
+@pytest.mark.parametrize("recorded", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_memory_of_a_run(tmp_path, recorded):
     """Of two runs, so that neither the libraries nor compiling counts: as much more as there are more particles."""
     found = []
