@@ -21,7 +21,6 @@ from particlesim.engine.interactions.interaction import Floats, Interaction, Int
 from particlesim.engine.interactions.lifting import book, lifted
 from particlesim.engine.interactions.neighbours.record import OVERFLOW, enlarged
 from particlesim.engine.interactions.surfaces.candidates import find, find_again, measure
-from particlesim.engine.interactions.surfaces.deepest import own_shape
 from particlesim.engine.interactions.surfaces.patches import add_patches, has_bulges
 from particlesim.engine.interactions.surfaces.record import (
     ANEW,
@@ -78,7 +77,6 @@ from particlesim.engine.interactions.surfaces.zones import (
     sum_zones,
 )
 from particlesim.interactions import PairSet
-from particlesim.laws.registry import bend
 from particlesim.layouts.mesh import STRUCTURAL
 from particlesim.scenario.reach import has_extent
 
@@ -330,8 +328,8 @@ def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
     law = pairs.law.record()
     none = simplices_of(triangles[:, :0], edges[:, :0], None, count)
     found, desk = new_candidates(none, count, 0), new_desk(count)
-    rough = [each for each in site.scenario.all_colliders if bend(own_shape(each.body())) == 0]
-    beside = new_beside(none, count, len(rough) * len(pairs.groups))
+    # the island may have other groups than these, and seams change shapes: room for each collider of each group
+    beside = new_beside(none, count, len(site.scenario.all_colliders) * len(site.scenario.groups))
     made = SurfaceContacts(law, none, found, new_touches(0), desk, report, tune, beside, np.zeros(1))
     return made._replace(**laid(made, triangles, edges, sides))
 
