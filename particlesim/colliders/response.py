@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.colliders.moving import MovingRecord, alight, ride
+from particlesim.compiler import outlined
 from particlesim.laws.registry import (
     PASS,
     Particle,
@@ -83,6 +84,7 @@ class ResponseRecord(NamedTuple):
     heard: int | None = None
     turning: tuple[()] | None = None
     even: tuple[()] | None = None
+    called: tuple[()] | None = None
 
 
 class ColliderRecord(NamedTuple):
@@ -105,27 +107,74 @@ def opposite(c: Any, p: Any, q: Any) -> Any:
 
 @law(gap, ColliderRecord)
 def collider_gap(c: ColliderRecord, p: Particle) -> float:
-    return gap(c.shape, p)
+    return gap(c.shape, p) if c.response.called is None else _gap(c.shape, p)
 
 
 @law(normal, ColliderRecord)
 def collider_normal(c: ColliderRecord, p: Particle) -> Vector:
-    return normal(c.shape, p)
+    return normal(c.shape, p) if c.response.called is None else _normal(c.shape, p)
 
 
 @law(gap_and_normal, ColliderRecord)
 def collider_gap_and_normal(c: ColliderRecord, p: Particle) -> tuple[float, Vector]:
-    return gap_and_normal(c.shape, p)
+    return gap_and_normal(c.shape, p) if c.response.called is None else _gap_and_normal(c.shape, p)
 
 
 @law(apart, ColliderRecord)
 def collider_apart(c: ColliderRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
-    return apart(c.shape, p, q, h, slack)
+    look = apart if c.response.called is None else _apart
+    return look(c.shape, p, q, h, slack)
 
 
 @law(first_contact, ColliderRecord)
 def collider_first_contact(c: ColliderRecord, p: Particle, q: Particle, h: float, slack: float) -> float:
-    return first_contact(c.shape, p, q, h, slack)
+    look = first_contact if c.response.called is None else _first_contact
+    return look(c.shape, p, q, h, slack)
+
+
+@outlined
+def _gap(shape: Any, p: Any) -> Any:
+    return gap(shape, p)
+
+
+@outlined
+def _normal(shape: Any, p: Any) -> Any:
+    return normal(shape, p)
+
+
+@outlined
+def _gap_and_normal(shape: Any, p: Any) -> Any:
+    return gap_and_normal(shape, p)
+
+
+@outlined
+def _apart(shape: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    return apart(shape, p, q, h, slack)
+
+
+@outlined
+def _first_contact(shape: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    return first_contact(shape, p, q, h, slack)
+
+
+def called(c: Any) -> ColliderRecord:
+    """The same collider, as one of many."""
+    r = c.response
+    marked = ResponseRecord(
+        r.bounce,
+        r.loss,
+        r.keep,
+        r.outcome,
+        r.friction,
+        r.falling,
+        r.belt,
+        r.yielding,
+        r.heard,
+        r.turning,
+        r.even,
+        (),
+    )
+    return ColliderRecord(c.shape, marked)
 
 
 def at_rest(c: Any) -> ColliderRecord:
@@ -138,10 +187,19 @@ def at_rest(c: Any) -> ColliderRecord:
 
 @law(contact, ColliderRecord)
 def collider_contact(c: ColliderRecord, p: Particle) -> tuple[Particle, int]:
+    return (_contact if c.response.called is None else _contact_of_many)(c, p)
+
+
+@outlined
+def _contact_of_many(c: Any, p: Any) -> Any:
+    return _contact(c, p)
+
+
+def _contact(c: Any, p: Any) -> Any:
     if has_law(contact, c.shape):  # what has no surface to be put back on
         return contact(c.shape, p)
     if isinstance(c.shape, MovingRecord):
-        local, outcome = contact(at_rest(c), ride(c.shape, p))
+        local, outcome = _contact(at_rest(c), ride(c.shape, p))
         back = alight(c.shape, local)
         touched = gap(c, p) < 0
         q = moved_to(

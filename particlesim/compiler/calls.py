@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, cast
 
 from particlesim.compiler.names import Names
-from particlesim.compiler.unit import Again, Outline, Part, Unit
+from particlesim.compiler.unit import Outline, Part, Unit, again
 from particlesim.compiler.values import Array, Number, Unsupported, form_of, kinds_in, value_of
 from particlesim.compiler.writer import Writer
 
@@ -25,6 +26,26 @@ class Method:
 
     array: Array
     name: str
+
+
+@dataclass(frozen=True)
+class Taken:
+    """An argument of a function, its form, its registers with their kinds, and which of these lie in memory in a row."""
+
+    value: Any
+    form: Any
+    registers: list[Any]
+    kinds: list[str]
+    runs: tuple[tuple[int, int], ...]
+
+    def words(self, w: Writer, runs: tuple[tuple[int, int], ...]) -> Iterator[str]:
+        """How it is passed on: by the places of runs, and by the registers that are in none."""
+        for first, length in passed(len(self.kinds), runs):
+            number, kind = self.registers[first], self.kinds[first]
+            if length:
+                yield f"ptr {w.stretch(number)}"
+            else:
+                yield f"{kind} {number.ref if kind == 'ptr' else w.ref(number, kind)}"
 
 
 class Calls(Names):
@@ -64,18 +85,20 @@ class Calls(Names):
         return result
 
     def _call_outlined(self, function: Any, arguments: list[Any]) -> Any:
-        registers: list[Any] = []
-        form = form_of(tuple(arguments), registers)
-        kinds = kinds_in(form)
-        key = (function, form)
+        alone = getattr(function, "shared", False)
+        taken = [self._taken(each) for each in arguments]
+        key = (
+            function,
+            tuple(each.form for each in taken),
+            tuple(() if alone else each.runs for each in taken),
+        )
         made = self.unit.outlines.get(key)
         if made is None:
-            made = self._shared(key) if getattr(function, "shared", False) else self._outlined(key)
+            made = self._shared(key) if alone else self._outlined(key)
             self.unit.outlines[key] = made
         w = self.w
         given = ", ".join(
-            f"{kind} {w.ref(n, kind) if kind != 'ptr' else n.ref}"
-            for n, kind in zip(registers, kinds, strict=True)
+            word for each, runs in zip(taken, key[2], strict=True) for word in each.words(w, runs)
         )
         results = kinds_in(made.result)
         if not results:
@@ -88,6 +111,18 @@ class Calls(Names):
             Number(w.emit(f"extractvalue {made.type} {got}, {k}"), kind) for k, kind in enumerate(results)
         ]
         return value_of(made.result, iter(parts))
+
+    def _taken(self, argument: Any) -> Taken:
+        """What there is to know of an argument; tuples, which may be long, are looked at once in a function."""
+        known = self.w.known.get(id(argument))
+        if known is not None and known.value is argument:
+            return known
+        registers: list[Any] = []
+        form = form_of(argument, registers)
+        found = Taken(argument, form, registers, kinds_in(form), self.w.runs(registers))
+        if isinstance(argument, tuple):
+            self.w.known[id(argument)] = found
+        return found
 
     def frame(
         self,
@@ -104,7 +139,7 @@ class Calls(Names):
         """A function of its own in this unit."""
         unit = self.unit
         unit.count += 1
-        made, body = self._written(key, unit)
+        made, body = again(lambda: self._written(key, unit))
         made.name = f'@"{key[0].__name__}.{unit.count}"'
         unit.bodies.append(_definition(made, body, "internal ", "noinline "))
         return made
@@ -112,19 +147,14 @@ class Calls(Names):
     def _shared(self, key: Any) -> Outline:
         """A function in a module of its own, which is the same for all units that call it.
 
-        It is named by what is in it, so that kernels find this one and no other. It is written once in a process: walks that
-        begin anew, and other kernels, take it as it is.
+        It is named by what is in it, so that kernels find this one and no other. It is written once in a process: other
+        kernels take it as it is.
         """
         known = (key, self.unit.checked)
         part = _PARTS.get(known)
         if part is None:
             unit = Unit(checked=self.unit.checked)
-            while True:
-                try:
-                    made, body = self._written(key, unit)
-                    break
-                except Again:
-                    unit = unit.fresh()
+            made, body = again(lambda: self._written(key, unit))
             text = unit.module(_definition(made, body))
             made.name = f'@"{key[0].__name__}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"'
             part = _PARTS[known] = Part(unit.module(_definition(made, body)), made, unit)
@@ -133,13 +163,23 @@ class Calls(Names):
 
     def _written(self, key: Any, unit: Unit) -> tuple[Outline, str]:
         """A function for arguments of one form, still without a name, and the text of its body."""
-        function, form = key
+        function, forms, runs = key
         writer = Writer(unit.declared, unit.constants)
         if getattr(function, "exact", False):
             writer.fast = ""
-        kinds = kinds_in(form)
-        arguments = value_of(form, iter([Number(f"%a{k}", kind) for k, kind in enumerate(kinds)]))
-        result = self.frame(writer, function, list(arguments), {}, unit).walk()
+        parameters: list[str] = []
+        arguments = []
+        for form, stretches in zip(forms, runs, strict=True):
+            kinds, taken = kinds_in(form), []
+            for first, length in passed(len(kinds), stretches):
+                name = f"%a{len(parameters)}"
+                parameters.append("ptr noalias readonly" if length else kinds[first])
+                if length:
+                    taken += writer.taken(name, kinds[first : first + length])
+                else:
+                    taken.append(Number(name, kinds[first]))
+            arguments.append(value_of(form, iter(taken)))
+        result = self.frame(writer, function, arguments, {}, unit).walk()
         registers: list[Any] = []
         result_form = form_of(result, registers)
         results = kinds_in(result_form)
@@ -159,7 +199,18 @@ class Calls(Names):
             for k, value in enumerate(values):
                 whole = writer.emit(f"insertvalue {shape} {whole}, {value}, {k}")
             writer.finish(f"ret {shape} {whole}")
-        return Outline("", shape, kinds, result_form), writer.text()
+        return Outline("", shape, parameters, result_form), writer.text()
+
+
+def passed(count: int, runs: tuple[tuple[int, int], ...]) -> list[tuple[int, int]]:
+    """How registers of arguments are passed: the first of each, and how many lie in memory from there on, 0 for one that is
+    passed by itself."""
+    found, k, ahead = [], 0, dict(runs)
+    while k < count:
+        length = ahead.get(k, 0)
+        found.append((k, length))
+        k += length or 1
+    return found
 
 
 def _definition(made: Outline, body: str, linkage: str = "", more: str = "") -> str:

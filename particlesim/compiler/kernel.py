@@ -212,17 +212,13 @@ def write(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str
     Raises CompileError with file, line and reason.
     """
     from particlesim.compiler.calls import DEEPEST
-    from particlesim.compiler.unit import Again, Unit
+    from particlesim.compiler.unit import Unit, again
 
     unit = Unit(checked=CHECKED)
     limit = sys.getrecursionlimit()
     sys.setrecursionlimit(max(limit, DEEPEST * 20))  # a call in a kernel takes a dozen calls here
     try:
-        while True:
-            try:
-                return _write(function, arguments, unit)
-            except Again:
-                unit = unit.fresh()
+        return again(lambda: _write(function, arguments, unit))
     finally:
         sys.setrecursionlimit(limit)
 
@@ -230,18 +226,12 @@ def write(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str
 def _write(function: Callable[..., Any], arguments: tuple[Any, ...], unit: Any) -> tuple[str, Any, Any]:
     from particlesim.compiler.unit import CompileError
     from particlesim.compiler.walker import Frame
-    from particlesim.compiler.writer import Writer
+    from particlesim.compiler.writer import HELD, Writer
 
     w = Writer(unit.declared, unit.constants)
     if getattr(function, "exact", False):
         w.fast = ""
-    registers = []
-    for k, kind in enumerate(kind for each in arguments for kind in _kinds(each)):
-        place = w.emit(f"getelementptr inbounds i64, ptr %arguments, i64 {k}")
-        held = {"float": "double", "i1": "i64"}.get(kind, kind)
-        number = Number(w.emit(f"load {held}, ptr {place}"), held)
-        registers.append(w.cast(number, kind) if held != kind else number)
-    taken = iter(registers)
+    taken = iter(w.taken("%arguments", [kind for each in arguments for kind in _kinds(each)]))
     try:
         values = [_value(each, taken, w) for each in arguments]
         result = Frame(unit, w, function, values, {}).walk()
@@ -256,7 +246,7 @@ def _write(function: Callable[..., Any], arguments: tuple[Any, ...], unit: Any) 
     if "ptr" in kinds:
         raise TypeError(f"{function.__name__} returns an array: kernels return numbers")
     for k, (number, kind) in enumerate(zip(numbers, kinds, strict=True)):
-        held = {"float": "double", "i1": "i64"}.get(kind, kind)
+        held = HELD.get(kind, kind)
         place = w.emit(f"getelementptr inbounds i64, ptr %results, i64 {k}")
         w.do(f"store {held} {w.ref(w.cast(number, kind), held)}, ptr {place}")
     w.finish("ret void")

@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 
 class Again(Exception):
-    """Something found while walking changes instructions written before: the walk begins anew, with it in `Unit.learned`."""
+    """Something found while walking changes instructions written before: the walk of the function begins anew, with it in
+    `Unit.learned`. Functions that are complete did not need it, and stay as they are."""
+
+
+def again(walk: Callable[[], T]) -> T:
+    """What a walk gives that begins anew until nothing more is found."""
+    while True:
+        try:
+            return walk()
+        except Again:
+            pass
 
 
 class CompileError(Exception):
@@ -73,10 +86,6 @@ class Unit:
         """Remember for the next walk, and begin it."""
         self.learned[key] = value
         raise Again
-
-    def fresh(self) -> Unit:
-        """The same with nothing written yet."""
-        return Unit(learned=self.learned, checked=self.checked)
 
     def take_in(self, part: Part) -> None:
         """Call a shared function: what went into it has gone into this unit."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import operator
+import re
 import struct
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -29,7 +30,14 @@ from particlesim.compiler.values import (
 # Never nnan or ninf: a NaN must stay visible. Never reassoc: sums keep the order in which they are written.
 FAST = "contract nsz arcp "
 
+RUN = 12
+"""Numbers that lie in memory one after the other, from which on a function is given the place of the first, not all."""
+
+HELD = {"float": "double", "i1": "i64"}
+"""Kinds of numbers in the arguments of a kernel, where each takes eight bytes, if not their own."""
+
 COMPARISONS = {"Lt": "lt", "LtE": "le", "Gt": "gt", "GtE": "ge", "Eq": "eq", "NotEq": "ne"}
+_IN_MEMORY = re.compile(r"%m\d+\b")
 FOLDED: dict[str, Callable[[Any, Any], Any]] = {
     "Add": operator.add,
     "Sub": operator.sub,
@@ -82,6 +90,8 @@ class Writer:
         self.places: list[str] = []
         self.blocks: list[Block] = []
         self.fast = FAST
+        self.memory: dict[str, tuple[str, int, str]] = {}
+        self.known: dict[int, Any] = {}
         self.start = self.block("start")
         self.at = self.start
 
@@ -136,13 +146,59 @@ class Writer:
 
     def text(self) -> str:
         """The body of the function."""
-        lines = ["entry:", *(f"  {each}" for each in self.places), f"  br label %{self.start.label}"]
+        body: list[str] = []
         for block in self.blocks:
-            lines.append(f"{block.label}:")
-            lines += (f"  {each}" for each in block.lines)
+            body.append(f"{block.label}:")
+            body += (f"  {each}" for each in block.lines)
             if not block.ended:
-                lines.append("  unreachable")
-        return "\n".join(lines)
+                body.append("  unreachable")
+        text = "\n".join(body)
+        lines = ["entry:", *(f"  {each}" for each in self.places)]
+        for name in dict.fromkeys(_IN_MEMORY.findall(text)):
+            lines += self._loaded(name)
+        return "\n".join([*lines, f"  br label %{self.start.label}", text])
+
+    # Arguments in memory: those of the kernel, of which functions that it calls get stretches
+
+    def taken(self, base: str, kinds: list[str]) -> list[Number]:
+        """Numbers that lie in memory from a place on, eight bytes each. They never change, and are loaded if used."""
+        made = []
+        for k, kind in enumerate(kinds):
+            name = f"%m{len(self.memory)}"
+            self.memory[name] = base, k, kind
+            made.append(Number(name, kind))
+        return made
+
+    def _loaded(self, name: str) -> list[str]:
+        """How a number comes from memory."""
+        base, k, kind = self.memory[name]
+        held, place = HELD.get(kind, kind), f"%at{name[1:]}"
+        load = f"load {held}, ptr {place}, !invariant.load !{{}}"
+        lines = [f"  {place} = getelementptr inbounds i64, ptr {base}, i64 {k}"]
+        if held == kind:
+            return [*lines, f"  {name} = {load}"]
+        got = f"%held{name[1:]}"
+        narrowed = f"fptrunc double {got} to float" if kind == "float" else f"icmp ne i64 {got}, 0"
+        return [*lines, f"  {got} = {load}", f"  {name} = {narrowed}"]
+
+    def runs(self, registers: list[Any]) -> tuple[tuple[int, int], ...]:
+        """Where among some registers numbers begin that lie in memory one after the other, and how many, if many."""
+        found, first, before = [], 0, None
+        for k, each in enumerate([*registers, None]):
+            base, slot, _ = (
+                self.memory.get(each.ref, ("", 0, "")) if isinstance(each, Number) else ("", 0, "")
+            )
+            if not base or (base, slot - 1) != before:
+                if k - first >= RUN and before is not None:
+                    found.append((first, k - first))
+                first = k
+            before = (base, slot) if base else None
+        return tuple(found)
+
+    def stretch(self, first: Number) -> str:
+        """The place in memory of a number."""
+        base, slot, _ = self.memory[first.ref]
+        return self.emit(f"getelementptr inbounds i64, ptr {base}, i64 {slot}") if slot else base
 
     # Numbers
 

@@ -311,6 +311,19 @@ def test_what_comes_between_particles_is_told() -> None:
     assert "'low' goes through box it at the start, between its particles, the first time near (" in text
 
 
+def test_bodies_that_come_between_particles_are_told() -> None:
+    def told(shape: dict[str, Any], made: dict[str, Any]) -> list[str]:
+        bodies = [{"name": "dice", "shape": shape, "density": 500, "position": [0, 1, 0]}]
+        tables = table(1.0, 1e-3, particles=[made], bodies=bodies, interactions=[TOUCH])
+        return list(slits(Simulation(ps.from_table(tables))))
+
+    (text,) = told({"type": "box", "size": [0.1, 0.1, 0.1]}, sheet("low"))
+    assert "only the particles of 'low' touch the bodies 'dice'" in text
+    # edges of 1/6 m: √(R² + 1/72) − R is 0.006 m for R = 1.15 m
+    assert len(told({"type": "sphere", "radius": 1.1}, sheet("low"))) == 1
+    assert not told({"type": "sphere", "radius": 1.2}, sheet("low"))
+
+
 def test_zones_are_the_exception(monkeypatch: Any) -> None:
     monkeypatch.setattr("particlesim.engine.interactions.surfaces.surface_contacts.LOOKS", 1)
     scenario = thrown(SHAPES["corner"], cloth(150.0))

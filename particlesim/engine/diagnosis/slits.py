@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from particlesim.bodies import Bodies
 from particlesim.colliders import Collider
 from particlesim.engine.interactions.surfaces.deepest import deepest_of, own_shape
 from particlesim.engine.state.group_state import GroupState
@@ -15,7 +16,7 @@ from particlesim.groups.group import Particles
 from particlesim.laws.registry import bend
 from particlesim.layouts.mesh import STRUCTURAL
 from particlesim.model.arrays import Ints
-from particlesim.scenario.reach import has_extent, interacting, touches_by_surfaces
+from particlesim.scenario.reach import has_extent, interacting, meetings_of, touches_by_surfaces
 
 ROUND = ("sphere", "capsule", "cylinder")
 """Colliders that bulge everywhere by a radius."""
@@ -27,7 +28,8 @@ MOST = 3
 
 def slits(world: World) -> Iterator[str]:
     """A sentence for every surface or strand that colliders reach into between its particles: at the start, or without
-    contact."""
+    contact. And for every one that touches bodies, which only its particles do."""
+    yield from _on_bodies(world)
     covered = {
         group.name
         for each in world.scenario.interactions
@@ -53,6 +55,33 @@ def slits(world: World) -> Iterator[str]:
                     )
             else:
                 yield from _open(state, edges, bool(triangles.size), held)
+
+
+def _on_bodies(world: World) -> Iterator[str]:
+    """Bodies that may get between the particles of a sheet or a strand."""
+    groups = {group.name: group for group in world.scenario.groups}
+    states = {state.name: state for state in world.states}
+    for each in meetings_of(world.scenario):
+        group, state, bodies = groups[each.particles], states[each.particles], groups[each.bodies]
+        if not (
+            isinstance(group, Particles) and isinstance(bodies, Bodies) and has_extent(group) and state.count
+        ):
+            continue
+        layout = group.layout.open(world.scenario.folder)
+        longest, thin = _longest(state, layout.edges(STRUCTURAL)), float(state.radius[: state.count].min())
+        size = getattr(bodies.shape, "radius", None) if bodies.shape.type in ROUND else None
+        half = longest * (0.5**0.5 if layout.triangles().size else 0.5)
+        if (longest > 2 * thin) if size is None else (thin < 0.99 * (math.hypot(size, half) - size)):
+            yield (
+                f"only the particles of {state.name!r} touch the bodies {each.bodies!r}: their edges and corners come "
+                f"through between particles that are {longest:.2g} m apart; colliders, which motions may lead, do not"
+            )
+
+
+def _longest(state: GroupState, edges: Ints) -> float:
+    """The longest edge between neighbours [m]."""
+    x = state.position.astype(float)
+    return float(np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1).max(initial=0.0))
 
 
 def _called(each: Collider) -> str:
@@ -86,8 +115,7 @@ def _open(state: GroupState, edges: Ints, face: bool, colliders: list[Collider])
     Particles with radius r stand off from a ball of radius R by r. The middle of a triangle with corners there and a
     circumscribed circle of radius ρ is √((R + r)² − ρ²) from the centre, which should not be less than R.
     """
-    x, sharp = state.position.astype(float), list[Collider]()
-    longest = float(np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1).max(initial=0.0))
+    longest, sharp = _longest(state, edges), list[Collider]()
     half = longest * (0.5**0.5 if face else 0.5)
     thin = float(state.radius[: state.count].min())
     for each in colliders:

@@ -15,6 +15,7 @@ from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import (
     ALONG_AXES,
     Simple,
+    by_calls,
     ends_inside,
     farther,
     inside,
@@ -71,7 +72,7 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
 @outlined
 def rest_alone(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     """`rest` for where each particle is looked at by itself."""
-    return rest(contacts, p, q, h)
+    return rest(by_calls(contacts), p, q, h)
 
 
 def _rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:

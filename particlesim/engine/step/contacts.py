@@ -8,13 +8,14 @@ import numpy as np
 
 from particlesim.colliders.moving import MovingRecord, ride
 from particlesim.colliders.plane import PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.colliders.response import along, at_rest, crossable, opposite, yielded
+from particlesim.colliders.response import along, at_rest, called, crossable, opposite, yielded
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.laws.registry import PASS, contact, gap, gap_and_normal, least_gap
 
 MANY = 4
-"""Colliders up to which all of their gaps are written out wherever the smallest one is asked for."""
+"""Colliders up to which what is asked of each of them is written out everywhere; of more it is a function, as kernels would
+take long to compile."""
 SHALLOW = 2.0**-3
 """Part of `rounding` that gaps are off by at most: twice the rounding error of the numbers that they are made of."""
 
@@ -46,14 +47,40 @@ class Careful(NamedTuple):
     must have the same bits as what is not."""
 
 
+def by_calls(contacts: Any) -> Any:
+    """The same contacts for one particle by itself: with many colliders that are not planes, what is asked of one is a
+    function."""
+    if isinstance(contacts, Simple) or contacts.one_by_one is None or len(contacts.continuous) <= MANY:
+        return contacts
+    return Careful(
+        tuple(called(c) for c in contacts.continuous),
+        tuple(called(c) for c in contacts.resting),
+        tuple(called(c) for c in contacts.discrete),
+        contacts.tolerance,
+        contacts.reach,
+        contacts.one_by_one,
+        contacts.soft,
+        contacts.sized_by,
+    )
+
+
 def meet(colliders: Any, p: Any) -> Any:
     """The particle after every collider, one after the other, and the strongest outcome."""
+    return (_meet_many if len(colliders) > MANY else _meet)(colliders, p)
+
+
+@outlined
+def _meet_many(colliders: Any, p: Any) -> Any:
+    return _meet(colliders, p)
+
+
+def _meet(colliders: Any, p: Any) -> Any:
     if len(colliders) == 0:
         return p, PASS
     if len(colliders) == 1:
         return contact(colliders[0], p)
     q, first = contact(colliders[0], p)
-    r, rest = meet(colliders[1:], q)
+    r, rest = _meet(colliders[1:], q)
     return r, max(first, rest)
 
 
@@ -86,6 +113,15 @@ def _nearest(colliders: Any, p: Any) -> Any:
 def ahead(contacts: Any, on: Any, p: Any) -> Any:
     """The smallest gap to continuous colliders other than those on which the particle lies [m]; positive where there are
     none. In single precision it is also positive where the particle has bounced by a rounding error too deep, and leaves."""
+    return (_ahead_of_many if len(contacts.continuous) > MANY else _ahead_of)(contacts, on, p)
+
+
+@outlined
+def _ahead_of_many(contacts: Any, on: Any, p: Any) -> Any:
+    return _ahead_of(contacts, on, p)
+
+
+def _ahead_of(contacts: Any, on: Any, p: Any) -> Any:
     return _ahead(contacts.continuous, on, p, shallow(contacts, p) if coarse(contacts.tolerance) else None)
 
 

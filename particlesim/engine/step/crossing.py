@@ -11,7 +11,7 @@ from particlesim.colliders.response import crossable, opposite
 from particlesim.colliders.way import place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
-from particlesim.engine.step.contacts import Careful, Simple, farther, nowhere
+from particlesim.engine.step.contacts import MANY, Careful, Simple, farther, nowhere
 from particlesim.laws.registry import apart, first_contact, gap, moved_to
 
 EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
@@ -148,6 +148,15 @@ def crossing(contacts: Any, on: Any, p: Any, q: Any, h: Any) -> Any:
     """When a step of h from p to q first crosses a collider, h where it does not, and where that is."""
     if not any(crossable(c) for c in contacts.continuous):
         return h, q
+    return (_crossing_many if len(contacts.continuous) > MANY else _crossing)(contacts, on, p, q, h)
+
+
+@outlined
+def _crossing_many(contacts: Any, on: Any, p: Any, q: Any, h: Any) -> Any:
+    return _crossing(contacts, on, p, q, h)
+
+
+def _crossing(contacts: Any, on: Any, p: Any, q: Any, h: Any) -> Any:
     chord = straight(p, q, h)
     if not any(on) or _bent_evenly(p, q, h):
         chord = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, p.t)

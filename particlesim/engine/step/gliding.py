@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.response import crossable
-from particlesim.compiler import outlined
-from particlesim.engine.state.columns import type_of
+from particlesim.compiler import on_stack, outlined
+from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.at_rest import rough, runs
 from particlesim.engine.step.contacts import loose, nowhere, rounding_of_step, sunk, touches
 from particlesim.engine.step.creases import no_faster, wedged
@@ -42,7 +44,7 @@ def glide(
         r, on, turn = settled_one(contacts.continuous, p, q, h, contacts.tolerance, slack, sure)
         if any(on) and turn >= 1 and touches(contacts.continuous, on, p, slack):
             # Beside the edge of one that it touches it may only be without the others, which keep it from there.
-            for _ in contacts.continuous:
+            for _ in range(len(contacts.continuous)):
                 r, more, _ = settled_one(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
                 on = tuple(one | other for one, other in zip(on, more, strict=True))
         # The way along a shape with dents may end at another part of it: what is behind that does not matter.
@@ -77,18 +79,43 @@ def _off(colliders: Any, on: Any, q: Any, r: Any, slack: Any) -> Any:
 
 
 @outlined
-def _on_one(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any) -> Any:
-    return borne(c, p, q, h, tolerance, slack, True)
-
-
-@outlined
-def _between_two(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
-    return wedged(c, d, p, q, h, tolerance)
-
-
-@outlined
 def _sunk(colliders: Any, on: Any, p: Any, q: Any, slack: Any) -> Any:
     return sunk(colliders, on, p, q, slack)
+
+
+def _note(lies: Any, on: Any) -> None:
+    """Write down on which colliders a particle lies."""
+    for k, here in enumerate(on):
+        lies[k] = here
+
+
+@outlined
+def _on_one(contacts: Any, on: Any, c: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    """The step on collider c alone, its turn, and whether that leads into none on which the particle lies."""
+    here, lain, bend = borne(c, p, q, h, contacts.tolerance, slack, True)
+    # As in `glide`: what is behind another part of a shape with dents does not matter.
+    blocked = dented(c.shape) & (bend < 1)
+    return lain, bend, here and (blocked or not _sunk(contacts.continuous, on, p, lain, slack))
+
+
+@outlined
+def _between_two(contacts: Any, on: Any, c: Any, d: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    """As `_on_one`, along the crease between colliders c and d."""
+    crept, bend, presses = wedged(c, d, p, q, h, contacts.tolerance)
+    free = presses and not _sunk(contacts.continuous, on, p, crept, slack)
+    if free and (crossable(c) or crossable(d)):  # a curved crease, where a stop may be too high
+        crept = no_faster(contacts.continuous, p, q, crept, h, contacts.tolerance, slack)
+    return crept, bend, free
+
+
+@outlined
+def _beside(contacts: Any, on: Any, c: Any, others: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    """As `_between_two`, with the first of some others for which there is such a step."""
+    r, turn, found = q, type_of(h, 1), False
+    for j, d in enumerate(others):
+        if on[j] & (not found):
+            r, turn, found = _between_two(contacts, on, c, d, p, q, h, slack)
+    return r, turn, found
 
 
 @outlined
@@ -97,29 +124,25 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
     along the crease between two, or on each in turn. One that stays caught comes to rest where it was; at a shape
     with dents, whose rounded edges no plane follows, or one that moves on, it lies on nothing, and hops."""
     turn, found = type_of(h, 1), False
+    lies = on_stack(1, len(on), np.bool_)[0]  # one argument, however many colliders there are
+    _note(lies, on)
     for k, c in enumerate(contacts.continuous):
         if on[k] & (not found):
-            here, lain, bend = _on_one(c, p, q, h, contacts.tolerance, slack)
-            # As in `glide`: what is behind another part of a shape with dents does not matter.
-            blocked = dented(c.shape) & (bend < 1)
-            if here and (blocked or not _sunk(contacts.continuous, on, p, lain, slack)):
-                r, turn, found = lain, bend, True
+            lain, bend, found = _on_one(contacts, lies, c, p, q, h, slack)
+            r, turn = chosen(found, lain, r), bend if found else turn
     for k, c in enumerate(contacts.continuous):
-        for j, d in enumerate(contacts.continuous[:k]):
-            if on[k] & on[j] & (not found):
-                crept, bend, presses = _between_two(c, d, p, q, h, contacts.tolerance)
-                if presses and not _sunk(contacts.continuous, on, p, crept, slack):
-                    if crossable(c) or crossable(d):  # a curved crease, where a stop may be too high
-                        crept = no_faster(contacts.continuous, p, q, crept, h, contacts.tolerance, slack)
-                    r, turn, found = crept, bend, True
+        if k > 0 and on[k] & (not found):
+            crept, bend, found = _beside(contacts, lies, c, contacts.continuous[:k], p, q, h, slack)
+            r, turn = chosen(found, crept, r), bend if found else turn
     if not found:
         sweeps = 0
-        while turn >= 1 and _sunk(contacts.continuous, on, p, r, slack) and sweeps < MAX_SWEEPS:
+        while turn >= 1 and _sunk(contacts.continuous, lies, p, r, slack) and sweeps < MAX_SWEEPS:
             r, more, turn = settled_one(contacts.continuous, p, r, h, contacts.tolerance, slack, sure)
             on = tuple(one | other for one, other in zip(on, more, strict=True))
+            _note(lies, on)
             sweeps += 1
         dents = any(dented(c.shape) for c in contacts.continuous)
-        if _sunk(contacts.continuous, on, p, r, slack):
+        if _sunk(contacts.continuous, lies, p, r, slack):
             if dents or _carried(contacts.continuous, on):
                 r, on, turn = q, nowhere(contacts.continuous), type_of(h, 1)
             else:

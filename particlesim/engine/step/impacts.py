@@ -33,6 +33,7 @@ from particlesim.engine.step.at_rest import turning
 from particlesim.engine.step.contacts import (
     Careful,
     Simple,
+    by_calls,
     coarse,
     nearest,
     rounding,
@@ -76,6 +77,7 @@ def trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any
     """
     if isinstance(contacts, Simple):
         return p, memory, PASS, None, False, NOTHING
+    contacts = by_calls(contacts)
     if not coarse(contacts.tolerance):
         return _trace(method, dynamics, forces, contacts, p, h, memory)
     # Impacts are between the places that single precision knows: rounded to one of them, each would gain or lose energy.

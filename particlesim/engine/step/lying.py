@@ -11,26 +11,33 @@ from particlesim.colliders.moving import MovingRecord, alight_after, ride, ride_
 from particlesim.colliders.response import at_rest
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
-from particlesim.engine.step.contacts import SHALLOW, coarse
+from particlesim.engine.step.contacts import MANY, SHALLOW, coarse
 from particlesim.engine.step.creases import crept, free_part, no_faster
 from particlesim.engine.step.resting import carried, glided, held, lies, touched, turns
 from particlesim.laws.registry import gap
 
 
-def settled(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+def settled(
+    colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any, by_calls: bool = False
+) -> Any:
     """The end of a step from p that would end at q without contact, on the colliders on which p lies; which those are; and
-    the part of the step after which p turns around, 1 if it does not."""
+    the part of the step after which p turns around, 1 if it does not. `by_calls`: colliders are looked at by a function."""
     if len(colliders) == 0:
         return q, (), type_of(h, 1)
-    here, r, turn = borne(colliders[0], p, q, h, tolerance, slack, sure)
-    q, others, first = settled(colliders[1:], p, chosen(here, r, q), h, tolerance, slack, sure)
+    here, r, turn = (_borne_alone if by_calls else borne)(colliders[0], p, q, h, tolerance, slack, sure)
+    q, others, first = settled(colliders[1:], p, chosen(here, r, q), h, tolerance, slack, sure, by_calls)
     return q, (here, *others), min(turn if here else type_of(h, 1), first)
 
 
 @outlined
 def settled_one(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
     """`settled`, for where it is looked at one particle by itself."""
-    return settled(colliders, p, q, h, tolerance, slack, sure)
+    return settled(colliders, p, q, h, tolerance, slack, sure, len(colliders) > MANY)
+
+
+@outlined
+def _borne_alone(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
+    return borne(c, p, q, h, tolerance, slack, sure)
 
 
 def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
