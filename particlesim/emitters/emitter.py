@@ -40,10 +40,10 @@ class Burst(Model):
 
 
 class OnImpact(Model):
-    """Births where particles of other groups hit colliders, at the moment of each impact."""
+    """Births where particles or bodies of other groups hit colliders, at the moment of each impact."""
 
     of: tuple[Name, ...] = Field(min_length=1)
-    """Groups whose impacts give birth."""
+    """Groups of particles or bodies whose impacts give birth."""
     at: tuple[Name, ...] | None = Field(default=None, min_length=1)
     """Colliders and planes at which they do, by name; all that these groups meet unless given."""
     count: Annotated[int, Field(ge=1, le=10**6, strict=True)] = 1

@@ -178,3 +178,55 @@ def test_what_may_leave_a_region_is_heard_too() -> None:
     sparks = emitter(on_impact={"of": ["drops"]}, speed=1.0, die=away)
     found = born(scene(drops, sparks, planes=[{"on": ["drops"]}], forces=[], particles=[]))
     assert found.born == 10
+
+
+def dropped(*, restitution: float = 0.5, dt: float = 1e-3, **parts: Any) -> dict[str, Any]:
+    """A die dropped by 1 m on its face, from x = 1 at 2 m/s along x, and dust that hears of it."""
+    die = {
+        "name": "die",
+        "shape": {"type": "box", "size": [0.2, 0.2, 0.2]},
+        "density": 500,
+        "position": [1, 1.1, 0],
+        "velocity": [2, 0, 0],
+        "restitution": restitution,
+    }
+    dust = {**SPARKS, "name": "dust", "on_impact": {"of": ["die"], "count": 2, "inherit": 0.5}, "speed": 1.5}
+    return table(
+        1.2,
+        dt,
+        **{
+            "bodies": [die],
+            "emitters": [dust],
+            "forces": [{"type": "gravity", "on": ["die"]}],
+            "planes": [{"name": "floor", "on": ["die"], "restitution": restitution}],
+            **parts,
+        },
+    )
+
+
+@pytest.mark.parametrize("dt", [1e-3, 0.1])  # 0.1 s are 4 sizes of the die: it is swift
+def test_impacts_of_bodies_are_heard(dt: float) -> None:
+    # It falls for √(2 h/g) = 0.4515 s, and comes down again after as long, and half of that. Of its four corners one counts.
+    found = born(dropped(dt=dt))
+    # Impacts count as in the middle of a step; those of what is swift when half a drift at the speed of its beginning ends.
+    t, late = np.sqrt(2 / G), dt / 2 if dt < 0.01 else G * dt**2 / 8 / np.sqrt(2 * G)
+    assert found.born == 6
+    place, velocity = found.final.position[1:3], found.final.velocity[1:3]
+    assert velocity == pytest.approx(np.tile([1, 1.5, 0], (2, 1)), abs=1e-9)
+    rest = (place[:, 1] - 0.01) / 1.5  # since then
+    assert rest == pytest.approx(1.2 - t, abs=1.01 * late)
+    assert abs(place[:, 0] - (1 + 2 * (1.2 - rest)) - rest) == pytest.approx(0.1, abs=2 * late)
+
+
+def test_what_lies_is_not_heard_and_colliders_are_told_apart() -> None:
+    assert born(dropped(restitution=0.0)).born == 2
+    ramp = {"type": "box", "name": "ramp", "size": [1, 0.4, 1], "center": [1.9, 0, 0], "on": ["die"]}
+    event = {"of": ["die"], "at": ["floor"]}
+    parts: dict[str, Any] = {"colliders": [ramp], "emitters": [{**SPARKS, "on_impact": event}]}
+    assert born(dropped(restitution=0.0, **parts)).born == 0
+
+
+def test_births_at_bodies_that_they_touch_are_refused() -> None:
+    touch = {"type": "contact", "on": ["die", "dust"]}
+    with pytest.raises(ps.ScenarioError, match="act on each other in every step"):
+        ps.from_table(dropped(interactions=[touch]))

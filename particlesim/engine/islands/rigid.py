@@ -207,7 +207,9 @@ class RigidIsland(BaseIsland):
         self, first: int, last: int, team: Team, laps: Laps | None = None
     ) -> tuple[Births | None, Deaths | None, Fault | None]:
         if self.visitors is not None:
-            return None, None, self._receive(first, self.visitors)
+            fault = self._receive(first, self.visitors)
+            self._gather()
+            return None, None, fault
         done, report, scene = first, np.zeros(2), self._booking()
         while done < last:
             now = (self.bodies(), self._contacts, self._motion, self.memory)
@@ -218,6 +220,7 @@ class RigidIsland(BaseIsland):
                 return None, None, fault
             if done < last:
                 self._make_room(2 * int(report[1]))
+        self._gather()
         return None, None, None
 
     def _receive(self, step: int, visitors: Visitors) -> Fault | None:

@@ -15,6 +15,7 @@ from particlesim.colliders import Collider
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.rigid.bodies import Surfaces
 from particlesim.engine.rigid.fluids import through_surface
+from particlesim.engine.rigid.hearing import Hearing
 from particlesim.engine.rigid.joint_system import Made, new_joints, new_stops, partners_of
 from particlesim.engine.rigid.kernel import Scene, Stretch
 from particlesim.engine.rigid.pieces import pieces_of
@@ -24,6 +25,7 @@ from particlesim.engine.rigid.swift import new_swift
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
 from particlesim.engine.state.group_state import GroupState
+from particlesim.engine.state.table import HEARD
 from particlesim.graph.graph import Island
 from particlesim.model.attributes import FURTHER
 from particlesim.scenario.scenario import Scenario
@@ -92,8 +94,23 @@ def scene_of(
         partner_from,
         None if books is None else _work(books, springs, groups),
         swift=new_swift([group.shape for group in groups], owner),
+        hearing=_hearing(structure, whole),
     )
     return scene, order
+
+
+def _hearing(structure: Island, whole: GroupState) -> Hearing | None:
+    """Which impacts of bodies emitters hear; None where they hear none."""
+    if HEARD not in whole.parts:
+        return None
+    numbers = np.full((len(colliders_of(structure)), len(structure.groups)), -1)
+    for k, collider in enumerate(colliders_of(structure)):
+        for g, (met, heard) in enumerate(zip(structure.colliders, structure.heard, strict=True)):
+            for each, number in zip(met, heard, strict=True):
+                if each is collider and number is not None:
+                    numbers[k, g] = number
+    n = whole.count
+    return Hearing(numbers, whole.hit[:, :n], whole.radius[:n].astype(float))
 
 
 def _work(books: Books, springs: Sequence[Laid], groups: Sequence[BodyGroup]) -> Work:

@@ -46,16 +46,17 @@ class Surfaces(NamedTuple):
 class Contacts(NamedTuple):
     """Contacts of a step: the two bodies and what tells the contact from others of theirs [k]; where, and the normal
     from the second to the first [3, k]; the gap [k]; restitution, static and kinetic friction [3, k]; velocity of a
-    collider's surface [3, k]; speed to be reached along the normal [k]; of impacts of particles the time since the step
-    began, 0 of other contacts, how much else accelerates them along the normal, the time at which the kick of the step
-    counts as given, or `energy.LIES`, and how much more they are pulled back by forces that change where the impulse shifts
-    them, as w k τ² by a spring k [4, k]; impulses along the normal and two tangents, and one that only pushes apart
-    what overlaps [k, 4]; what an impulse does along each of three directions [k, 3, ROW];
-    impulses before a sweep, and the direction in which sweeps go on [k, 3]; contacts by their clusters [k]; of those that
-    turn bodies only, limits and motors of joints (`stops`) and rolling friction, what they are [k], 0 for others, and of
-    motors the speed and the greatest impulse, of rolling friction the contact that presses and the radius [2, k]; of those
-    solved for together what bounds friction, as an impulse and as a part of the one that presses (0: given) [k], and
-    impulses to return to [k, 3]. `number`: how many there are, and how many found no room."""
+    collider's surface [3, k]; speed to be reached along the normal [k]; the speed of an impact on a collider, 0 without
+    [k]; of impacts of particles the time since the step began, 0 of other contacts, how much else accelerates them along
+    the normal, the time at which the kick of the step counts as given, or `energy.LIES`, and how much more they are
+    pulled back by forces that change where the impulse shifts them, as w k τ² by a spring k [4, k]; impulses along the
+    normal and two tangents, and one that only pushes apart what overlaps [k, 4]; what an impulse does along each of
+    three directions [k, 3, ROW]; impulses before a sweep, and the direction in which sweeps go on [k, 3]; contacts by
+    their clusters [k]; of those that turn bodies only, limits and motors of joints (`stops`) and rolling friction, what
+    they are [k], 0 for others, and of motors the speed and the greatest impulse, of rolling friction the contact that
+    presses and the radius [2, k]; of those solved for together what bounds friction, as an impulse and as a part of the
+    one that presses (0: given) [k], and impulses to return to [k, 3]. `number`: how many there are, and how many found
+    no room."""
 
     first: Any
     second: Any
@@ -66,6 +67,7 @@ class Contacts(NamedTuple):
     surface: Any
     belt: Any
     target: Any
+    struck: Any
     late: Any
     impulse: Any
     rows: Any
@@ -134,11 +136,11 @@ def new_contacts(room: int) -> Contacts:
     """Room for contacts."""
     first, second, feature = (np.zeros(room, np.int64) for _ in range(3))
     point, normal, surface, belt = (np.zeros((3, room)) for _ in range(4))
-    gap, target, late = np.zeros(room), np.zeros(room), np.zeros((4, room))
+    gap, target, struck, late = np.zeros(room), np.zeros(room), np.zeros(room), np.zeros((4, room))
     impulse, rows, number = np.zeros((room, 4)), np.zeros((room, 3, ROW)), np.zeros(2, np.int64)
     before, onward, order = np.zeros((room, 3)), np.zeros((room, 3)), np.zeros(room, np.int64)
     return Contacts(
-        *(first, second, feature, point, normal, gap, surface, belt, target, late),
+        *(first, second, feature, point, normal, gap, surface, belt, target, struck, late),
         *(
             impulse,
             rows,

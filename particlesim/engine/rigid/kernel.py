@@ -18,6 +18,7 @@ from particlesim.engine.rigid.bodies import orientation, place, row
 from particlesim.engine.rigid.broad import find_contacts
 from particlesim.engine.rigid.free import move, own
 from particlesim.engine.rigid.grains import asks, settle_guests
+from particlesim.engine.rigid.hearing import note_impacts, silence
 from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.narrow import entry, plus
 from particlesim.engine.rigid.rotation import (
@@ -58,7 +59,7 @@ class Scene(NamedTuple):
     depend on velocities, else 1. Joints, None without, and their limits and motors (`stops`); which bodies have one [n], and
     the bodies that each is joined to and does not touch (`partners`, from `partner_from` on). What is booked, None where
     nothing is. Particles that may touch bodies (`guests`), which are the last bodies then, None where there are none.
-    Room for what swift bodies meet (`swift`)."""
+    Room for what swift bodies meet (`swift`). Impacts that emitters hear (`hearing`), None where none does."""
 
     stretches: tuple[Stretch, ...]
     springs: tuple[Any, ...]
@@ -78,6 +79,7 @@ class Scene(NamedTuple):
     work: Any
     guests: Any = None
     swift: Any = None
+    hearing: Any = None
 
 
 @outlined
@@ -236,6 +238,8 @@ def step_bodies(
         middle = (first + step + 0.5) * dt
         if report[0] != FULL:
             scene.swift.gain[0] = 0.0
+            if scene.hearing is not None:
+                silence(scene.hearing)
             if not drift(scene, b, motion, (first + step) * dt, 0.5 * dt, False):
                 report[0] = UNHELD
                 return step
@@ -253,6 +257,8 @@ def step_bodies(
         held = True
         if k.number[0] > 0 or scene.joints is not None:
             solve(b, k, motion, memory, scene.joints, dt)
+            if scene.hearing is not None:
+                note_impacts(scene.hearing, b, k, motion, middle)
         if scene.work is not None:
             book_step(scene, b, k, motion, middle, dt)
         if k.number[0] > 0:

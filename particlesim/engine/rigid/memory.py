@@ -26,7 +26,7 @@ def address(memory: Any, i: Any, j: Any, feature: Any) -> int:
 
 @outlined
 def recall(b: Any, k: Any, motion: Any, memory: Any) -> None:
-    """Begin with the impulses of the last step."""
+    """Begin with the impulses of the last step. What had one goes on touching, and does not hit."""
     for c in range(k.number[0]):
         at = address(memory, k.first[c], k.second[c], k.feature[c])
         if memory.keys[0, at] != NOBODY:
@@ -36,6 +36,7 @@ def recall(b: Any, k: Any, motion: Any, memory: Any) -> None:
                 k.impulse[c, 0] = bounded(k, c, p[0])
                 strike(b, k, motion, c, 0, k.impulse[c, 0])
                 continue
+            k.struck[c] = 0.0
             rolls = k.turns[c] == ROLL
             press = max(p[0] * e[0, 0] + p[1] * e[0, 1] + p[2] * e[0, 2], 0.0)
             start, most = (3, k.impulse[int(k.aim[0, c]), 0]) if rolls else (0, press)

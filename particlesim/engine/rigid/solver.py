@@ -89,6 +89,7 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
         before, now = k.target[c], speed_along(k, motion, c, 0)
+        k.struck[c] = 0.0
         if k.turns[c] == MOTOR:
             k.target[c] = k.aim[0, c]
             largest = max(largest, max(abs(now), abs(now - k.target[c])))
@@ -110,6 +111,7 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
             rebound = kicked - answered(k.surface[0, c], k.late[3, c] * k.rows[c, 0, 15]) * struck
         elif lies_under or (k.second[c] == WORLD and 0 < k.surface[0, c] < 1):
             rebound = max(turned_around(before, free, gap, k.surface[0, c], h), -gap / h)
+        k.struck[c] = -before if meets and quick and k.second[c] == WORLD else 0.0
         k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -gap / h
         largest = max(largest, max(abs(now), abs(now - before)))
         if meets:

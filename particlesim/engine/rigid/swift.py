@@ -28,6 +28,7 @@ from particlesim.engine.rigid.bodies import NOBODY, WORLD, new_contacts, orienta
 from particlesim.engine.rigid.broad import WATCHED, are_joined
 from particlesim.engine.rigid.contact_rows import direct, speed_along
 from particlesim.engine.rigid.free import move, own, velocity_of
+from particlesim.engine.rigid.hearing import note_swift
 from particlesim.engine.rigid.impact import rebound
 from particlesim.engine.rigid.narrow import minus, touch
 from particlesim.engine.rigid.rotation import dot, turned_freely
@@ -252,6 +253,8 @@ def look_at_walls(scene: Any, b: Any, motion: Any, i: Any, t: Any, left: Any, la
         if least >= 0 and wall.on[b.group[i]] > 0:
             least = min(least, look_at_wall(scene, wall, b, motion, i, t, left))
             if least < 0:
+                if scene.hearing is not None:
+                    note_swift(scene.hearing, b, s.contacts, motion, 2 * TOUCHING * s.inner[i], t)
                 s.gain[0] += rebound(b, s.contacts, motion, i, WORLD, 2 * TOUCHING * s.inner[i], late)
     return float(least)
 

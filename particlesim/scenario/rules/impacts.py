@@ -8,7 +8,14 @@ from collections.abc import Iterator
 from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
-from particlesim.scenario.reach import collider_tables, group_tables, held_back, interacting, pair_sets
+from particlesim.scenario.reach import (
+    collider_tables,
+    group_tables,
+    held_back,
+    interacting,
+    meetings_of,
+    pair_sets,
+)
 from particlesim.scenario.tables import Tables
 
 
@@ -32,11 +39,9 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
         for j, name in enumerate(event.of):
             path, group = tables[name]
             also = ((path, "this group"),)
-            if path[0] == "bodies":
-                yield Invalid("impacts of rigid bodies give no births", (*here, "of", j), also)
-            elif group.dynamics.type != "second_order":
+            if group.dynamics.type != "second_order":
                 yield Invalid("particles without inertia have no impacts", (*here, "of", j), also)
-            elif name in soft:
+            elif name in soft and path[0] != "bodies":
                 yield Invalid(
                     f"contacts of {soft[name].label} last, so that {name!r} has no moment of impact",
                     (*here, "of", j),
@@ -98,6 +103,8 @@ def _together(scenario: Tables) -> list[set[str]]:
     """Groups that step together, as they act on each other."""
     found = [{group.name} for group in scenario.groups]
     joined = [*(each.groups for each in scenario.bonds), *(each.groups for each in pair_sets(scenario))]
+    joined += [(each.particles, each.bodies) for each in meetings_of(scenario)]
+    joined += [(*(each.name for each in scenario.bodies), *scenario.tied)]
     for groups in (*joined, *(each.groups for each in scenario.rod_sets)):
         touched = [names for names in found if names & set(groups)]
         found = [names for names in found if names not in touched] + [set().union(*touched)]
