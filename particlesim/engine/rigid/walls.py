@@ -84,14 +84,6 @@ def away(shape: Any, p: Any) -> Any:
     )
 
 
-def spin_of(shape: Any) -> Any:
-    """The angular velocity of a collider [rad/s]."""
-    if isinstance(shape, MovingRecord) and shape.spin is not None:
-        s = shape.spin
-        return s.rate * s.x, s.rate * s.y, s.rate * s.z
-    return 0.0, 0.0, 0.0
-
-
 @outlined
 def touch_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, h: Any) -> None:
     """Note the contacts of body i with a collider that are nearer than a margin."""

@@ -227,6 +227,7 @@ CHECKS = (
     interactions.felt,
     interactions.exact_enough,
     interactions.turned,
+    interactions.rolled,
     interactions.against_walls,
     interactions.put_apart,
     interactions.kicked,
