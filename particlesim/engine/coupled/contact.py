@@ -186,7 +186,10 @@ def _collide(
                 if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:
                     forget(c.memory, i)
             if len(rubbing) > 0 and c.spin is not None:
-                r = rubbed(rubbing, rolling, c, i, p, q, r, hi)
+                free = r
+                r = rubbed(rubbing, rolling, c, i, p, q, free, hi)
+                if rebounds is not None and rebounds.between is not None:
+                    nudge(c.memory, i, free, r)
             if len(contacts.soft) > 0:
                 free = r
                 r = pushed(contacts.soft, free, hi)
