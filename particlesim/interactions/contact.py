@@ -199,13 +199,6 @@ class Contact(Rubbing, PairInteraction):
         return damping_ratio(self.liveliness)
 
     @property
-    def liveliness(self) -> float:
-        """Restitution of slow impacts, the greatest."""
-        return (
-            self.restitution.value if isinstance(self.restitution, FallingRestitution) else self.restitution
-        )
-
-    @property
     def soft(self) -> bool:
         return self.model != "impulse"
 
@@ -227,9 +220,7 @@ class Contact(Rubbing, PairInteraction):
 
     def record(self) -> tuple[Any, ...]:
         made = self.against(float(self.liveliness), self.coefficients)
-        if isinstance(made, ImpulseRecord) and isinstance(self.restitution, FallingRestitution):
-            made = made._replace(falling=FallingRecord(self.restitution.speed, self.restitution.exponent))
-        return made
+        return made._replace(falling=self.falling) if isinstance(made, ImpulseRecord) else made
 
     def against(self, restitution: float, friction: tuple[float, float]) -> tuple[Any, ...]:
         """The record of contacts with another restitution and other coefficients of friction, such as those of a wall."""

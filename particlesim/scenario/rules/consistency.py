@@ -222,7 +222,6 @@ CHECKS = (
     bodies.jointed,
     bodies.kept,
     bodies.held,
-    bodies.touched,
     needs,
     interactions.felt,
     interactions.exact_enough,
