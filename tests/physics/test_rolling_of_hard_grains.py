@@ -122,9 +122,9 @@ def test_a_grain_that_rolls_on_a_level_floor_stops_after_its_way() -> None:
 
 
 def test_two_that_turn_against_each_other_are_slowed_as_far_as_their_blow_allows() -> None:
-    # Spins of r₁ ω₁ = −r₂ ω₂ across the normal do not slide: friction has no part. The angular impulse is μ_r R J with
-    # J = (1 + e) μ Δv and R = r₁ r₂/(r₁ + r₂), or what ends ω₁ − ω₂.
-    r1, r2, m1, m2, e, speed = 0.05, 0.08, 0.1, 0.3, 0.4, 2.0
+    # Spins of r₁ ω₁ = −r₂ ω₂ across the normal do not slide, nor do they after opposite impulses on spheres of m₁ r₁ = m₂ r₂:
+    # friction has no part. The angular impulse is μ_r R J with J = (1 + e) μ Δv and R = r₁ r₂/(r₁ + r₂), or ends ω₁ − ω₂.
+    r1, r2, m1, m2, e, speed = 0.05, 0.08, 0.16, 0.1, 0.4, 2.0
     push, radius = (1 + e) * m1 * m2 / (m1 + m2) * speed, r1 * r2 / (r1 + r2)
     i1, i2 = 0.4 * m1 * r1**2, 0.4 * m2 * r2**2
     for w, mu in ((300.0, 0.2), (4.0, 0.2)):
@@ -143,6 +143,34 @@ def test_two_that_turn_against_each_other_are_slowed_as_far_as_their_blow_allows
         expected = spins - turn * np.array([[0, 1 / i1, 0], [0, -1 / i2, 0]])
         assert final == pytest.approx(expected, rel=1e-12, abs=1e-12 * w)
         assert i1 * final[0] + i2 * final[1] == pytest.approx(i1 * spins[0] + i2 * spins[1], rel=1e-13)
+
+
+def test_a_pinned_grain_that_turns_takes_along_what_hits_it() -> None:
+    # Nearly without sliding friction by the angular impulse μ_r r/2 m v alone; with enough of both it ends as one body
+    # that turns with the pinned one. That does the work: what others gain by it is not taken back.
+    def after(friction: float, speed: float) -> tuple[Any, Any]:
+        grains = points(
+            (0, 0, 0),
+            (2 * R + 1e-3 * speed, 0, 0),
+            mass=M,
+            radius=R,
+            pinned=[0],
+            velocity=[(0.0, 0.0, 0.0), (-speed, 0.0, 0.0)],
+            angular_velocity=[[0, 0, 20.0], [0, 0, 0]],
+        )
+        law = {"type": "contact", "restitution": 0.0, "friction": friction, "rolling_friction": 5.0}
+        simulation = Simulation(
+            ps.from_table(table(0.02, 1e-4, particles=[grains], interactions=[law])), threads=1
+        )
+        simulation.advance_to(200)
+        simulation.close()
+        return simulation.states[0].v[:, 1], simulation.states[0].angular_velocity[:, 1]
+
+    _, turning = after(1e-6, 0.1)
+    assert turning[2] == pytest.approx(5.0 * (R / 2) * 0.1 / (0.4 * R**2), rel=1e-5)
+    v, turning = after(5.0, 2.0)
+    assert turning[2] == pytest.approx(20.0, rel=1e-9)
+    assert v[1] == pytest.approx(2 * R * 20.0, rel=2e-3)
 
 
 def gas(seed: int, n: int = 24, mu: float = 0.3, inside: bool = True, **more: Any) -> Table:

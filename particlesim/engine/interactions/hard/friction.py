@@ -27,6 +27,9 @@ from particlesim.engine.interactions.hard.bench import ARM, LIMIT, SHARE, SPINS,
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.state.columns import type_of
 
+ALIKE = 1e-3
+"""What two spheres may differ in to count as equal, as a part of it."""
+
 
 def surfaces(c: Any, i: Any, j: Any) -> Any:
     """r₁ ω₁ + r₂ ω₂ [m/s]."""
@@ -111,6 +114,13 @@ def rolling_arms(each: Any, c: Any, k: Any) -> Any:
     n, i, j = each.bench.normal, each.bench.rows[0, k], each.bench.rows[1, k]
     by = type_of(c.x[0], 2.5) / (c.r[i] + c.r[j])
     return by * n[PARTS, k] * c.r[j] / c.r[i], by * n[PARTS + 1, k] * c.r[i] / c.r[j]
+
+
+def coupled(each: Any, c: Any, k: Any) -> Any:
+    """Whether rolling friction makes the surfaces of pair k slide: it turns equal spheres by as much, and does not."""
+    mine, other = rolling_arms(each, c, k)
+    one, two = c.r[each.bench.rows[0, k]] * mine, c.r[each.bench.rows[1, k]] * other
+    return abs(one - two) > type_of(one, ALIKE) * (one + two)
 
 
 def roll_pair(each: Any, c: Any, k: Any, q: Any) -> None:

@@ -35,7 +35,7 @@ from particlesim.engine.interactions.hard.bench import (
     WAY,
     WORK,
 )
-from particlesim.engine.interactions.hard.friction import hold_pair, hold_rolling
+from particlesim.engine.interactions.hard.friction import coupled, hold_pair, hold_rolling
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.interactions.touching import line_between, overlap_at
 from particlesim.engine.state.columns import type_of
@@ -52,6 +52,8 @@ NOISE, OTHER = 1e-6, 0.1
 hit something differs from that of a method, as a part of it."""
 ANY = 1e30
 """Least speed of a rebound of what does not touch [m/s]."""
+BLOWS = 24
+"""Turns between friction and rolling friction of a blow, each of which leaves 5/7 of what both lack, or less."""
 GENTLY = 0.02
 """The part of the smaller radius by which a step makes an overlap smaller at most."""
 
@@ -222,6 +224,8 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
             give_pair(each, c, k, dx, dy, dz)
             if bench.rolled is not None:
                 hold_rolling(each, c, k, push)
+                if lively and coupled(each, c, k):
+                    rub_and_roll(each, c, k, push)
     return worst, squares
 
 
@@ -302,19 +306,32 @@ def push_pairs(each: Any, c: Any, pairs: Any) -> None:
             give_pair(each, c, k, change * n[0, k], change * n[1, k], change * n[2, k])
 
 
+def rub_pair(each: Any, c: Any, k: Any, given: Any) -> None:
+    """Bring the friction of pair k up to what it has been given along the normal."""
+    bench, i, j = each.bench, each.bench.rows[0, k], each.bench.rows[1, k]
+    x, y, z = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
+    vx, vy, vz = c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j]
+    rate = vx * x + vy * y + vz * z
+    slide = (vx - rate * x, vy - rate * y, vz - rate * z)
+    tx, ty, tz = hold_pair(each, c, k, slide, given)
+    give_pair(each, c, k, tx, ty, tz)
+
+
+@outlined
+def rub_and_roll(each: Any, c: Any, k: Any, push: Any) -> None:
+    """Friction and rolling friction of the blow of pair k, by turns: what rests does so from step to step."""
+    for _ in range(BLOWS):
+        rub_pair(each, c, k, push)
+        hold_rolling(each, c, k, push)
+
+
 @outlined
 def rub_pairs(each: Any, c: Any, pairs: Any) -> None:
     """Friction of all pairs that push each other at rest."""
     bench = each.bench
     for k in range(pairs):
-        i, j = bench.rows[0, k], bench.rows[1, k]
-        if bench.desk.contacts[GIVEN, k] > 0:
-            x, y, z = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
-            vx, vy, vz = c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j]
-            rate = vx * x + vy * y + vz * z
-            slide = (vx - rate * x, vy - rate * y, vz - rate * z)
-            given = type_of(x, bench.desk.contacts[GIVEN, k])
-            tx, ty, tz = hold_pair(each, c, k, slide, given)
-            give_pair(each, c, k, tx, ty, tz)
+        given = type_of(c.x[0], bench.desk.contacts[GIVEN, k])
+        if given > 0:
+            rub_pair(each, c, k, given)
             if bench.rolled is not None:
                 hold_rolling(each, c, k, given)
