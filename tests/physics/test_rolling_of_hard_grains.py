@@ -122,7 +122,7 @@ def test_a_grain_that_rolls_on_a_level_floor_stops_after_its_way() -> None:
 
 
 def test_two_that_turn_against_each_other_are_slowed_as_far_as_their_blow_allows() -> None:
-    # Spins of r₁ ω₁ = −r₂ ω₂ across the normal do not slide, nor do they after opposite impulses on spheres of m₁ r₁ = m₂ r₂:
+    # Spins of r₁ ω₁ = −r₂ ω₂ across the normal do not slide, also after opposite impulses on spheres of m₁ r₁ = m₂ r₂:
     # friction has no part. The angular impulse is μ_r R J with J = (1 + e) μ Δv and R = r₁ r₂/(r₁ + r₂), or ends ω₁ − ω₂.
     r1, r2, m1, m2, e, speed = 0.05, 0.08, 0.16, 0.1, 0.4, 2.0
     push, radius = (1 + e) * m1 * m2 / (m1 + m2) * speed, r1 * r2 / (r1 + r2)
