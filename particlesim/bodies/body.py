@@ -15,7 +15,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
 from particlesim.bodies.shapes import AnyBodyShape
-from particlesim.colliders.friction import Friction, Rubbing
+from particlesim.colliders.friction import FallingRestitution, Friction, Rubbing
 from particlesim.colliders.pose import UNTURNED, Orientation
 from particlesim.groups.group import Particles, SecondOrder
 from particlesim.layouts import AnyLayout
@@ -64,9 +64,9 @@ class Bodies(Rubbing, Particles):
     """How they are turned about their centres: a turn for all, or "random", evenly over all orientations."""
     angular_velocity: Vector[RadiansPerSecond] = REST
     """How fast they turn at the start, along the axes of the world."""
-    restitution: Annotated[Number, Ge(0), Le(1)] = 0.0
-    """Speed after over speed before an impact of two bodies, along the normal; of two different ones the smaller counts.
-    Impacts on colliders have that of the collider."""
+    restitution: Annotated[Number, Ge(0), Le(1)] | FallingRestitution = 0.0
+    """Speed after over speed before an impact of two bodies, along the normal, or a table, where it falls with that speed;
+    of two different ones the smaller counts, at the speed of the impact. Impacts on colliders have that of the collider."""
     friction: Annotated[Number, Ge(0)] | Friction = 0.5
     """Coefficient of Coulomb friction between bodies, or a table with one at rest and one in motion; of two different ones
     the geometric mean counts. On colliders that of the collider counts."""

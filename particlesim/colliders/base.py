@@ -17,7 +17,6 @@ from particlesim.colliders.friction import FallingRestitution, Friction, Rubbing
 from particlesim.colliders.moving import MovingRecord, SpinRecord
 from particlesim.colliders.response import (
     ColliderRecord,
-    FallingRecord,
     FrictionRecord,
     PenaltyRecord,
     RecoveryRecord,
@@ -145,12 +144,7 @@ class Collider(Rubbing, Model):
 
     @property
     def liveliness(self) -> float:
-        """Restitution of slow impacts, the greatest."""
-        if self.contact == "slide":
-            return 0.0
-        return (
-            self.restitution.value if isinstance(self.restitution, FallingRestitution) else self.restitution
-        )
+        return 0.0 if self.contact == "slide" else super().liveliness
 
     @property
     def soft(self) -> bool:
@@ -262,14 +256,14 @@ class Collider(Rubbing, Model):
             return ResponseRecord(
                 1.0, 0.0, 1.0, PASS, yielding=PenaltyRecord(self.stiffness or 0.0, self.damping)
             )
-        loss, falls = self.tangential_loss, self.restitution
+        loss = self.tangential_loss
         return ResponseRecord(
             1 + self.liveliness,
             loss,
             1 - loss,
             PASS,
             FrictionRecord(*self.coefficients) if self.rubs else None,
-            FallingRecord(falls.speed, falls.exponent) if isinstance(falls, FallingRestitution) else None,
+            self.falling,
             self.surface_velocity,
             None if self.recovery is None else RecoveryRecord(self.recovery),
         )

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
+from particlesim.colliders.response import FallingRecord
 from particlesim.model.base import Model
 from particlesim.model.units import MetresPerSecond, Number
 
@@ -33,9 +34,26 @@ class FallingRestitution(Model):
     exponent: Annotated[Number, Gt(0), Le(1)] = 0.25
     """How fast it falls: 1/4 where impacts deform plastically. Up to 1, where what is left no longer grows."""
 
+    def record(self) -> FallingRecord:
+        """How it falls, as kernels take it."""
+        return FallingRecord(self.speed, self.exponent)
+
 
 class Rubbing:
-    """What surfaces share that have a `friction`, one coefficient or a `Friction`."""
+    """What surfaces share that have a `friction`, one coefficient or a `Friction`, and a `restitution`, one number or a
+    `FallingRestitution`."""
+
+    @property
+    def liveliness(self) -> float:
+        """Restitution of slow impacts, the greatest."""
+        e: float | FallingRestitution = self.restitution  # type: ignore[attr-defined]  # a field of each model
+        return e.value if isinstance(e, FallingRestitution) else e
+
+    @property
+    def falling(self) -> FallingRecord | None:
+        """How restitution falls with the speed of an impact; None where it is one number."""
+        e: float | FallingRestitution = self.restitution  # type: ignore[attr-defined]
+        return e.record() if isinstance(e, FallingRestitution) else None
 
     @property
     def coefficients(self) -> tuple[float, float]:

@@ -223,3 +223,11 @@ def moving_apart(c: MovingRecord, p: Particle, q: Particle, h: float, slack: flo
 @law(first_contact, MovingRecord)
 def moving_first_contact(c: MovingRecord, p: Particle, q: Particle, h: float, slack: float) -> float:
     return first_contact(c.shape, ride(c, p), ride(c, q), h, slack)
+
+
+def spin_of(shape: Any) -> Any:
+    """The angular velocity of a collider [rad/s]."""
+    if isinstance(shape, MovingRecord) and shape.spin is not None:
+        s = shape.spin
+        return s.rate * s.x, s.rate * s.y, s.rate * s.z
+    return 0.0, 0.0, 0.0

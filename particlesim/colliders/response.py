@@ -54,6 +54,10 @@ class FallingRecord(NamedTuple):
     exponent: float
 
 
+STEADY = FallingRecord(1.0, 0.0)
+"""Restitution that does not fall."""
+
+
 class PenaltyRecord(NamedTuple):
     """Spring [N/m] and damper [kg/s] of a surface that pushes what is inside of it out."""
 

@@ -91,13 +91,23 @@ class Island:
 
     def spins(self, group: str) -> bool:
         """Whether the particles of a group turn, as their contacts have friction (`scenario.reach.spins`)."""
-        return any(
-            isinstance(each, PairSet)
+        return bool(self._turning(group))
+
+    def rolling_friction(self, group: str) -> float | None:
+        """The rolling friction of hard grains of a group at colliders, the largest of their contacts; None without."""
+        found = [each.law.rolls for each in self._turning(group) if each.law.by_impulses]
+        return max(found, default=0.0) or None
+
+    def _turning(self, group: str) -> list[PairSet]:
+        """The contacts by which particles of a group turn."""
+        return [
+            each
+            for each in self.interactions
+            if isinstance(each, PairSet)
             and each.law.rubs
             and group in each.groups
             and not touches_by_surfaces(each.law, [one for one in self.groups if one.name in each.groups])
-            for each in self.interactions
-        )
+        ]
 
     @property
     def changes(self) -> bool:

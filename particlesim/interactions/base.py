@@ -179,6 +179,11 @@ class PairInteraction(Model):
         return False
 
     @property
+    def rolls(self) -> float:
+        """Coefficient of rolling friction where two particles touch."""
+        return 0.0
+
+    @property
     def soft(self) -> bool:
         """Whether contacts last, so that colliders act by the same law."""
         return False

@@ -12,7 +12,8 @@ Source: P. A. Cundall, O. D. L. Strack, Géotechnique 29, 47 (1979); Y. Tsuji, T
 
 Spheres that rub each other turn: I = 2/5 m r², and v_t is the velocity of their surfaces where they touch. Rolling friction
 is a spring, a damper and a slider along the way ρ that one has rolled on the other, ρ' = R (ω₁ − ω₂) × n, with k_t and γ_t:
-a moment R n × f_r with |f_r| ≤ μ_r N. Cohesion with a work w is an attraction 2 π w R while they touch (`dmt`), or grows
+a moment R n × f_r with |f_r| ≤ μ_r N; of hard spheres it stops rolling at once, within the same bound
+(`engine.interactions.hard.friction`). Cohesion with a work w is an attraction 2 π w R while they touch (`dmt`), or grows
 with the surface that touches (`jkr`): with its radius a,
 
     f_n = 4 E a³/(3 R) − √(8 π w E a³),   δ = a²/R − √(2 π w a/E),
@@ -56,7 +57,7 @@ KEYS = {
     "hertz": ("young_modulus", "poisson_ratio", "adhesion"),
 }
 """Keys that belong to one model."""
-SOFT = {"rolling_friction": 0, "cohesion": 0, "overlap": "auto"}
+SOFT = {"cohesion": 0, "overlap": "auto"}
 """Keys of all models but hard impulses, and what they are unless given."""
 NEEDED = {"linear": ("stiffness", '"1000 N/m"'), "hertz": ("young_modulus", '"10 MPa"')}
 
@@ -83,8 +84,8 @@ class Contact(Rubbing, PairInteraction):
     friction: Annotated[Number, Ge(0)] | Friction = 0.0
     """Coefficient of Coulomb friction μ, or a table with one at rest and one in motion."""
     rolling_friction: Annotated[Number, Ge(0)] = 0.0
-    """Coefficient of rolling friction μ_r of soft contacts: rolling is held back by a moment of up to μ_r R N, with R the
-    reduced radius r₁ r₂/(r₁ + r₂), or r at a collider. Grains that are not round have some 0.1 to 0.5."""
+    """Coefficient of rolling friction μ_r of grains that turn: rolling is held back by a moment of up to μ_r R N, with R the
+    reduced radius r₁ r₂/(r₁ + r₂), or r at a collider with friction. Grains that are not round have some 0.1 to 0.5."""
     cohesion: Annotated[NewtonsPerMetre, Ge(0)] = 0.0
     """Work of adhesion w of soft contacts, per area [J/m²]."""
     adhesion: Literal["dmt", "jkr"] = "dmt"
@@ -170,6 +171,10 @@ class Contact(Rubbing, PairInteraction):
         return self
 
     @property
+    def rolls(self) -> float:
+        return self.rolling_friction
+
+    @property
     def by_impulses(self) -> bool:
         return self.model == "impulse"
 
@@ -194,13 +199,6 @@ class Contact(Rubbing, PairInteraction):
         return damping_ratio(self.liveliness)
 
     @property
-    def liveliness(self) -> float:
-        """Restitution of slow impacts, the greatest."""
-        return (
-            self.restitution.value if isinstance(self.restitution, FallingRestitution) else self.restitution
-        )
-
-    @property
     def soft(self) -> bool:
         return self.model != "impulse"
 
@@ -222,17 +220,15 @@ class Contact(Rubbing, PairInteraction):
 
     def record(self) -> tuple[Any, ...]:
         made = self.against(float(self.liveliness), self.coefficients)
-        if isinstance(made, ImpulseRecord) and isinstance(self.restitution, FallingRestitution):
-            made = made._replace(falling=FallingRecord(self.restitution.speed, self.restitution.exponent))
-        return made
+        return made._replace(falling=self.falling) if isinstance(made, ImpulseRecord) else made
 
     def against(self, restitution: float, friction: tuple[float, float]) -> tuple[Any, ...]:
         """The record of contacts with another restitution and other coefficients of friction, such as those of a wall."""
         rubs = FrictionRecord(*map(float, friction)) if friction != (0, 0) else None
-        if self.model == "impulse":
-            return ImpulseRecord(restitution, rubs)
-        beta = damping_ratio(restitution)
         rolls = float(self.rolling_friction) if self.rolling_friction > 0 and rubs is not None else None
+        if self.model == "impulse":
+            return ImpulseRecord(restitution, rubs, rolling=rolls)
+        beta = damping_ratio(restitution)
         if self.adhesion == "jkr":
             w, e = math.pi * self.cohesion, self.moduli[0]
             return JkrRecord(*self.moduli, beta, rubs, rolls, w, (w / (8 * e)) ** (1 / 3))
@@ -362,11 +358,12 @@ class JkrRecord(NamedTuple):
 
 
 class ImpulseRecord(NamedTuple):
-    """e of slow impacts, friction, and how e falls with speed; the last two None where there is none."""
+    """e of slow impacts, friction, how e falls with speed, and μ_r; the last three None where there is none."""
 
     restitution: float
     friction: FrictionRecord | None
     falling: FallingRecord | None = None
+    rolling: float | None = None
 
 
 @contact_law(LinearRecord)

@@ -9,6 +9,7 @@ from particlesim.bodies import Bodies, Joint
 from particlesim.bonds import BondSet, Rods, Springs
 from particlesim.bonds.base import Ties
 from particlesim.colliders import Collider
+from particlesim.colliders.response import FallingRecord
 from particlesim.forces import Force
 from particlesim.groups.group import Group, Particles
 from particlesim.interactions import PairInteraction, PairSet
@@ -41,14 +42,15 @@ def unfelt(force: Force, group: Group) -> str | None:
 
 
 class Meeting(NamedTuple):
-    """Contact of the particles of a group with the bodies of another: their names, the name of the interaction, restitution,
-    static and kinetic friction."""
+    """Contact of the particles of a group with the bodies of another: their names, the name of the interaction, restitution
+    of slow impacts, static and kinetic friction, and how restitution falls with the speed of impacts, or None."""
 
     particles: str
     bodies: str
     label: str
     restitution: float
     friction: tuple[float, float]
+    falling: FallingRecord | None
 
 
 def interacting(interaction: PairInteraction, groups: Iterable[Group]) -> tuple[Group, ...]:
@@ -71,7 +73,7 @@ def touched_bodies(scenario: Tables, interaction: PairInteraction) -> tuple[Bodi
 def meetings_of(scenario: Tables) -> tuple[Meeting, ...]:
     """Which particles touch which bodies."""
     return tuple(
-        Meeting(group.name, body.name, label, each.liveliness, each.coefficients)
+        Meeting(group.name, body.name, label, each.liveliness, each.coefficients, each.falling)
         for label, each in zip(scenario.labels.interactions, scenario.interactions, strict=True)
         if isinstance(each, Contact) and each.by_impulses
         for group in interacting(each, scenario.groups)

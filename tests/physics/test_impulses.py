@@ -58,9 +58,6 @@ def test_restitution_that_falls_is_refused_where_it_has_no_meaning() -> None:
         ps.from_table(
             table(1.0, 1e-3, particles=[balls], interactions=[{**falls, "model": "linear", "stiffness": 1.0}])
         )
-    box = {"name": "box", "shape": {"type": "box", "size": [1, 1, 1]}, "density": 700, "position": [0, 3, 0]}
-    with pytest.raises(ps.ScenarioError, match="impacts of rigid bodies have one restitution"):
-        ps.from_table(table(1.0, 1e-3, particles=[balls], bodies=[box], interactions=[falls]))
 
 
 def test_oblique_elastic_impacts_keep_momentum_energy_and_angular_momentum() -> None:

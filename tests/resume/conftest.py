@@ -211,6 +211,12 @@ GRAINS: Table = {
     ],
 }
 
+# Hard grains, some of which lie when a run stops, and are held by what they have been given.
+HARD: Table = GRAINS | {
+    "planes": [{"restitution": 0.2, "friction": 0.4}],
+    "interactions": [{"type": "contact", "restitution": 0.2, "friction": 0.4, "rolling_friction": 0.2}],
+}
+
 # Grains deep in each other have more pairs than there is room for at first.
 CRUSHED: Table = {
     "simulation": {"duration": 0.4, "dt": 0.001, "seed": 2},
@@ -272,6 +278,7 @@ KINDS = {
     "rods": RODS,
     "pairs": PAIRS,
     "grains": GRAINS,
+    "hard": HARD,
     "crushed": CRUSHED,
 }
 

@@ -5,7 +5,19 @@ import pytest
 import particlesim as ps
 from particlesim.trajectory.checkpoint_file import checkpoint_path, previous_path
 
-KINDS = ["fountain", "cloth", "memory", "adaptive", "rods", "pairs", "bodies", "swift", "grains", "crushed"]
+KINDS = [
+    "fountain",
+    "cloth",
+    "memory",
+    "adaptive",
+    "rods",
+    "pairs",
+    "bodies",
+    "swift",
+    "grains",
+    "hard",
+    "crushed",
+]
 
 
 @pytest.mark.parametrize("kind", KINDS)

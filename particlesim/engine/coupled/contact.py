@@ -55,13 +55,14 @@ def collide(
         hard = not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
         if hard or len(part.contacts.soft) > 0:
             first, last = max(share.first, part.first), min(share.last, part.last)
-            _collide(part.contacts, part.rubbing, c, before, first, last, t, end, h, False, share, rebounds)
+            rubs = (part.rubbing, part.rolling)
+            _collide(part.contacts, rubs, c, before, first, last, t, end, h, False, share, rebounds)
         if part.cores is not None:
             first, last = max(share.first, part.first), min(share.last, part.last)
             for lo in range(first, last, BLOCK):
                 hi = min(lo + BLOCK, last)
                 if is_deep(part.cores, block_of(c, lo, hi), end):
-                    _collide(part.cores, (), c, before, lo, hi, t, end, h, True, share, None)
+                    _collide(part.cores, ((), None), c, before, lo, hi, t, end, h, True, share, None)
 
 
 def core_of(p: Any) -> Any:
@@ -134,7 +135,7 @@ def is_deep(contacts: Any, q: Any, t: Any) -> Any:
 
 def _collide(
     contacts: Any,
-    rubbing: Any,
+    rubs: Any,
     c: Any,
     before: Any,
     first: Any,
@@ -146,7 +147,9 @@ def _collide(
     share: Any,
     rebounds: Any,
 ) -> None:
-    """`collide` for particles [first, last), which meet the same colliders; for the cores of those that are `soft`."""
+    """`collide` for particles [first, last), which meet the same colliders; for the cores of those that are `soft`. `rubs`:
+    colliders with friction of those that turn, and rolling friction."""
+    rubbing, rolling = rubs
     for i in range(first, last):
         begin, hi = span(c.clock, i, t, end, h)
         if rebounds is not None:
@@ -183,7 +186,10 @@ def _collide(
                 if r.vx != q.vx or r.vy != q.vy or r.vz != q.vz:
                     forget(c.memory, i)
             if len(rubbing) > 0 and c.spin is not None:
-                r = rubbed(rubbing, c, i, q, r, hi)
+                free = r
+                r = rubbed(rubbing, rolling, c, i, p, q, free, hi)
+                if rebounds is not None and rebounds.between is not None:
+                    nudge(c.memory, i, free, r)
             if len(contacts.soft) > 0:
                 free = r
                 r = pushed(contacts.soft, free, hi)

@@ -21,7 +21,7 @@ from particlesim.integrators.whfast import WisdomHolmanMethod
 class Part(NamedTuple):
     """A group inside an island: its dynamics, forces and contacts, and its particles [first, last). `cores`: contacts that
     particles of half the radius have, where a softer law acts before; None where there are none. `rubbing`: colliders with
-    the friction that those in `contacts` lack, as particles spin."""
+    the friction that those in `contacts` lack, as particles spin; `rolling`: its rolling friction there, None without."""
 
     dynamics: tuple[Any, ...]
     forces: tuple[Any, ...]
@@ -30,6 +30,7 @@ class Part(NamedTuple):
     last: int
     cores: Any = None
     rubbing: tuple[Any, ...] = ()
+    rolling: Any = None
 
 
 class StagedComposition(NamedTuple):

@@ -223,7 +223,10 @@ def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...
         contacts = contacts_record(
             colliders, group, dtype, numbers, smooth=turns, turning=pulled, until=island.duration
         )
-        part = Part(dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores, rubbing)
+        rolling = island.rolling_friction(group.name) if turns else None
+        part = Part(
+            dynamics_record(group), forces, contacts, bounds[k], bounds[k + 1], cores, rubbing, rolling
+        )
         parts.append(as_precision(part, dtype))
     return tuple(parts)
 

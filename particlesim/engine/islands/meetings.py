@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from particlesim.colliders.response import STEADY
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.state.group_state import GroupState
@@ -25,12 +26,14 @@ if TYPE_CHECKING:
 
 class Surfaces(NamedTuple):
     """The contact of a group of particles, by group of bodies [groups]: whether they touch, restitution, static and kinetic
-    friction."""
+    friction; the speed of impacts above which restitution falls [m/s], and how fast."""
 
     touch: Floats
     restitution: Floats
     static: Floats
     kinetic: Floats
+    speed: Floats
+    exponent: Floats
 
 
 class Meetings:
@@ -49,17 +52,16 @@ class Meetings:
         names = [state.name for state in self._bodies.states] if self._bodies is not None else []
         for each in meetings_of(scenario):
             if each.particles not in self._surfaces:
-                self._surfaces[each.particles] = Surfaces(*np.zeros((4, len(names))))
+                self._surfaces[each.particles] = Surfaces(*np.zeros((6, len(names))))
                 self._states.append(next(state for state in states if state.name == each.particles))
-            for column, value in zip(
-                self._surfaces[each.particles], (1.0, each.restitution, *each.friction), strict=True
-            ):
+            law = (1.0, each.restitution, *each.friction, *(each.falling or STEADY))
+            for column, value in zip(self._surfaces[each.particles], law, strict=True):
                 column[names.index(each.bodies)] = value
         ties = None if self._bodies is None else self._bodies.ties
         self._tied, self._held = ({}, {}) if ties is None else (ties.rows, ties.held)
         for name in self._tied:
             if name not in self._surfaces:
-                self._surfaces[name] = Surfaces(*np.zeros((4, len(names))))
+                self._surfaces[name] = Surfaces(*np.zeros((6, len(names))))
                 self._states.append(next(state for state in states if state.name == name))
         self._chosen: list[tuple[GroupState, Ints]] = []
         self._worked: list[float] = []

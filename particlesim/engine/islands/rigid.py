@@ -14,7 +14,7 @@ from particlesim.engine.islands.base import BaseIsland, Intrusion
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.islands.laps import Laps
-from particlesim.engine.islands.rigid_scene import colliders_of, scene_of, still_of
+from particlesim.engine.islands.rigid_scene import colliders_of, scene_of, some_fall, still_of
 from particlesim.engine.ledger.sums import measure
 from particlesim.engine.rigid.bodies import (
     FEATURES,
@@ -126,7 +126,8 @@ class RigidIsland(BaseIsland):
         self.memory = new_memory(ROOM * count + 64, count)
         # Kernels keep the order by insertion, which is quick where little has changed only.
         self.memory.order[:] = np.argsort(self._joined.whole.x[0, :count], kind="stable")
-        self._contacts = new_contacts(ROOM * count + 64)
+        self._falls = some_fall(structure, groups, scenario)
+        self._contacts = new_contacts(ROOM * count + 64, self._falls)
         self._kept: list[NDArray[Any]] = []
         self._kept_memory = self.memory
         self.kept_from = 0
@@ -298,7 +299,7 @@ class RigidIsland(BaseIsland):
 
     def _make_room(self, contacts: int) -> None:
         """Room for more contacts; what is known of the last ones stays."""
-        self._contacts = new_contacts(contacts)
+        self._contacts = new_contacts(contacts, self._falls)
         self.memory = larger(self.memory, contacts)
 
     def _fault(self, step: int, *, opened: bool) -> Fault:

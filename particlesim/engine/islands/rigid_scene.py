@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from particlesim.bodies import Bodies as BodyGroup
 from particlesim.bodies.pieces import BOX, HULL
 from particlesim.colliders import Collider
+from particlesim.colliders.response import STEADY
 from particlesim.engine.ledger.work import Books
 from particlesim.engine.rigid.bodies import Surfaces
 from particlesim.engine.rigid.fluids import through_surface
@@ -28,6 +29,7 @@ from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import HEARD
 from particlesim.graph.graph import Island
 from particlesim.model.attributes import FURTHER
+from particlesim.scenario.reach import meetings_of
 from particlesim.scenario.scenario import Scenario
 
 SLOP = 1e-4
@@ -69,7 +71,8 @@ def scene_of(
         on = np.array([any(each is collider for each in met) for met in structure.colliders], np.int64)
         belt = collider.surface_velocity or (0.0, 0.0, 0.0)
         shape = collider.body()
-        walls.append(Wall(shape, on, collider.liveliness, *collider.coefficients, belt, len(walls)))
+        law = (collider.liveliness, *collider.coefficients)
+        walls.append(Wall(shape, on, *law, belt, len(walls), collider.falling))
     spread = np.array([[j / group.shape.volume() for j in group.shape.spread()] for group in groups])
     n = whole.count
     ends = max((max(each.first, each.second) + 1 for each in made), default=0)
@@ -93,7 +96,7 @@ def scene_of(
         partners,
         partner_from,
         None if books is None else _work(books, springs, groups),
-        swift=new_swift([group.shape for group in groups], owner),
+        swift=new_swift([group.shape for group in groups], owner, some_fall(structure, groups, scenario)),
         hearing=_hearing(structure, whole),
     )
     return scene, order
@@ -142,7 +145,7 @@ def _stretch(first: int, last: int, records: Sequence[Any], group: BodyGroup) ->
 def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:
     """The contact between bodies of two groups: the smaller restitution, the geometric mean of frictions, the larger rolling
     friction."""
-    lively = np.array([group.restitution for group in groups])
+    lively = np.array([group.liveliness for group in groups])
     static, kinetic = np.array([group.coefficients for group in groups]).T
     return Surfaces(
         np.ones((len(groups), len(groups))),
@@ -150,7 +153,22 @@ def surfaces_of(groups: Sequence[BodyGroup]) -> Surfaces:
         np.sqrt(np.multiply.outer(static, static)),
         np.sqrt(np.multiply.outer(kinetic, kinetic)),
         _rolling(groups),
+        _falls(groups),
     )
+
+
+def some_fall(structure: Island, groups: Sequence[BodyGroup], scenario: Scenario) -> bool:
+    """Whether the restitution of some contact of bodies falls with the speed of impacts."""
+    laws = [each.falling for each in groups]
+    laws += [each.falling for each in colliders_of(structure)]
+    laws += [each.falling for each in meetings_of(scenario)]
+    return any(law is not None for law in laws)
+
+
+def _falls(groups: Sequence[BodyGroup]) -> NDArray[np.float64] | None:
+    """How the restitution of groups falls; None where none does."""
+    laws = [(each.liveliness, *(each.falling or STEADY)) for each in groups]
+    return np.array(laws).T.copy() if any(each.falling for each in groups) else None
 
 
 def _rolling(groups: Sequence[BodyGroup]) -> Rolling | None:

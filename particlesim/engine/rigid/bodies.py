@@ -34,13 +34,15 @@ class Bodies(NamedTuple):
 
 class Surfaces(NamedTuple):
     """What contact does between two groups [groups, groups]: whether they touch, restitution, static and kinetic
-    friction; rolling friction (`rolling`), None without."""
+    friction; rolling friction (`rolling`), None without; restitution of slow impacts, the speed above which it falls, and
+    how fast, by group [3, groups], None where none falls."""
 
     touch: Any
     restitution: Any
     static: Any
     kinetic: Any
     rolling: Any = None
+    falls: Any = None
 
 
 class Contacts(NamedTuple):
@@ -56,7 +58,9 @@ class Contacts(NamedTuple):
     they are [k], 0 for others, and of motors the speed and the greatest impulse, of rolling friction the contact that
     presses and the radius [2, k]; of those solved for together what bounds friction, as an impulse and as a part of the
     one that presses (0: given) [k], and impulses to return to [k, 3]. `number`: how many there are, and how many found
-    no room."""
+    no room. `falls`: two laws by which restitution falls with the speed of an impact,
+    the smaller of which counts: that of slow ones, the speed above which it falls, and how fast [6, k]; None where none
+    falls."""
 
     first: Any
     second: Any
@@ -80,6 +84,7 @@ class Contacts(NamedTuple):
     grip: Any
     kept: Any
     number: Any
+    falls: Any = None
 
 
 ROW = 16
@@ -132,8 +137,8 @@ class Memory(NamedTuple):
     order: Any
 
 
-def new_contacts(room: int) -> Contacts:
-    """Room for contacts."""
+def new_contacts(room: int, falls: bool = False) -> Contacts:
+    """Room for contacts, the restitution of some of which `falls` with the speed of impacts."""
     first, second, feature = (np.zeros(room, np.int64) for _ in range(3))
     point, normal, surface, belt = (np.zeros((3, room)) for _ in range(4))
     gap, target, struck, late = np.zeros(room), np.zeros(room), np.zeros(room), np.zeros((4, room))
@@ -153,6 +158,7 @@ def new_contacts(room: int) -> Contacts:
             np.zeros(room),
             np.zeros((room, 3)),
             number,
+            np.zeros((6, room)) if falls else None,
         ),
     )
 
@@ -211,6 +217,14 @@ def add_contact(k: Any, i: Any, j: Any, feature: Any, point: Any, normal: Any, g
 
 
 def set_surface(k: Any, number: Any, restitution: Any, static: Any, kinetic: Any) -> None:
-    """What contact does there."""
+    """What contact does there; restitution does not fall unless `set_fall` says more."""
     if number >= 0:
         k.surface[0, number], k.surface[1, number], k.surface[2, number] = restitution, static, kinetic
+        if k.falls is not None:
+            set_fall(k, number, 0, restitution, 1.0, 0.0)
+            set_fall(k, number, 3, restitution, 1.0, 0.0)
+
+
+def set_fall(k: Any, number: Any, law: Any, restitution: Any, speed: Any, exponent: Any) -> None:
+    """One of the two laws, 0 or 3, by which restitution falls there."""
+    k.falls[law, number], k.falls[law + 1, number], k.falls[law + 2, number] = restitution, speed, exponent

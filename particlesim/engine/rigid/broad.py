@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.moving import spin_of
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.grains import find_guests
 from particlesim.engine.rigid.narrow import touch
 from particlesim.engine.rigid.rolling import find_rolling
 from particlesim.engine.rigid.stops import find_stops
-from particlesim.engine.rigid.walls import spin_of, touch_wall
+from particlesim.engine.rigid.walls import touch_wall
 
 WATCHED = 2
 """Drifts for which what was swift is looked at (`swift`)."""

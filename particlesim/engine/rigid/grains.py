@@ -23,7 +23,7 @@ import numpy as np
 
 from particlesim.bodies.pieces import BOX, CAPSULE, CYLINDER, HULL, SPHERE
 from particlesim.compiler import kernel, on_stack, outlined
-from particlesim.engine.rigid.bodies import add_contact, orientation, place, row, set_surface
+from particlesim.engine.rigid.bodies import add_contact, orientation, place, row, set_fall, set_surface
 from particlesim.engine.rigid.convex import nearest
 from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, entry, minus, plus
 from particlesim.engine.rigid.pieces import Solid, solid_of
@@ -41,7 +41,8 @@ GRAINS = 1 << 48
 
 class Guests(NamedTuple):
     """Particles among bodies for a step: number of the first; their kinds, radii and ids [n]; by kind and group of bodies
-    whether they touch, restitution, static and kinetic friction [kinds, groups].
+    whether they touch, restitution, static and kinetic friction, and the speed above which restitution falls and how fast
+    [kinds, groups].
 
     Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
     [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n]; the force of what acts on
@@ -60,6 +61,8 @@ class Guests(NamedTuple):
     restitution: Any
     static: Any
     kinetic: Any
+    speed: Any
+    exponent: Any
     when: Any
     at: Any
     shift: Any
@@ -198,7 +201,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                 k.late[0, number], k.late[1, number] = best[0, 0], dot(row(guests.pull, m), n)
                 k.late[2, number] = best[0, 0] if moves else 0.5 * h
                 k.late[3, number] = guests.bend[m] * b.w[guest] * best[0, 0] ** 2
-            back = shift_back(b, motion, which, guest, n, guests.restitution[kind, group]) * best[0, 0]
+            back = shift_back(guests, b, k, motion, which, guest, n) * best[0, 0]
             for axis in range(3):
                 guests.probe[axis, m] = -back * entry(n, axis)
             meet(guests, k, begin, kind, group)
@@ -206,10 +209,14 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
             guests.at[axis, m] = b.x[axis, guest]
 
 
-def shift_back(b: Any, motion: Any, i: Any, guest: Any, n: Any, e: Any) -> float:
+def shift_back(guests: Any, b: Any, k: Any, motion: Any, i: Any, guest: Any, n: Any) -> float:
     """About how fast the impulse of an impact without spin makes a guest along the normal; 0 without rebound."""
+    kind, group = guests.kind[guest - guests.first], b.group[i]
+    e = guests.restitution[kind, group]
     body, own, w = motion.now[i], motion.now[guest], b.w[guest]
     u = dot((body[0] - own[0], body[1] - own[1], body[2] - own[2]), n)
+    if k.falls is not None:
+        e = e * max(u / guests.speed[kind, group], 1.0) ** (-guests.exponent[kind, group])
     return (1 + e) * max(u, 0.0) * w / (w + b.w[i]) if e > 0 and w > 0 else 0.0
 
 
@@ -231,6 +238,8 @@ def meet(guests: Any, k: Any, begin: Any, kind: Any, group: Any) -> None:
     for number in range(begin, k.number[0]):
         e, static = guests.restitution[kind, group], guests.static[kind, group]
         set_surface(k, number, e, static, guests.kinetic[kind, group])
+        if k.falls is not None:
+            set_fall(k, number, 0, e, guests.speed[kind, group], guests.exponent[kind, group])
 
 
 @outlined

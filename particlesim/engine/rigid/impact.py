@@ -21,7 +21,7 @@ from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.rotation import cross
 from particlesim.engine.rigid.solver import relax
 from particlesim.engine.rigid.stops import tangent
-from particlesim.engine.rigid.timing import kick_along
+from particlesim.engine.rigid.timing import kick_along, restitution_at
 
 
 @outlined
@@ -65,7 +65,7 @@ def lay(b: Any, k: Any, motion: Any, c: Any, late: Any) -> None:
     if k.second[c] != WORLD:
         more -= kick_along(b, k, motion, c, True, late)
     meets = speed_along(k, motion, c, 0) + more
-    k.target[c] = max(-k.surface[0, c] * meets - more, 0.0) if meets < 0 else 0.0
+    k.target[c] = max(-restitution_at(k, c, -meets) * meets - more, 0.0) if meets < 0 else 0.0
 
 
 @outlined

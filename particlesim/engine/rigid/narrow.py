@@ -18,7 +18,7 @@ import numpy as np
 
 from particlesim.bodies.pieces import BOX, CAPSULE, SPHERE
 from particlesim.compiler import on_stack, outlined, shared
-from particlesim.engine.rigid.bodies import add_contact, orientation, place, set_surface
+from particlesim.engine.rigid.bodies import add_contact, orientation, place, set_fall, set_surface
 from particlesim.engine.rigid.manifold import SPAN, convex_contacts
 from particlesim.engine.rigid.pieces import solid_of
 from particlesim.engine.rigid.rotation import dot, matrix, to_body, to_world
@@ -56,6 +56,9 @@ def touch(b: Any, k: Any, surfaces: Any, i: Any, j: Any, margin: Any) -> None:
                     touch_pieces(k, p, i, j, s, o, margin, code)
     for number in range(begin, k.number[0]):
         set_surface(k, number, surfaces.restitution[g, h], surfaces.static[g, h], surfaces.kinetic[g, h])
+        if surfaces.falls is not None:
+            set_fall(k, number, 0, surfaces.falls[0, g], surfaces.falls[1, g], surfaces.falls[2, g])
+            set_fall(k, number, 3, surfaces.falls[0, h], surfaces.falls[1, h], surfaces.falls[2, h])
 
 
 def touch_pieces(k: Any, p: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> None:

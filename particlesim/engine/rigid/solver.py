@@ -35,7 +35,15 @@ from particlesim.engine.rigid.multipliers import begin_anew, correct, keep_impul
 from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.rotation import cross
 from particlesim.engine.rigid.stops import MOTOR, ROLL, lay_turn, tangent
-from particlesim.engine.rigid.timing import RESTING, answered, find_carried, lean, turned_around
+from particlesim.engine.rigid.timing import (
+    RESTING,
+    answered,
+    find_carried,
+    lean,
+    restitution_at,
+    speed_there,
+    turned_around,
+)
 
 WORK = 40_000
 """Looks at contacts of a cluster in a step at most, all sweeps together, beyond the least number of sweeps."""
@@ -102,15 +110,17 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
         free = now + k.late[3, c] if lies_under else now
         meets = free * h < -gap
         quick = before < -RESTING * abs(free - before + h * own)
-        rebound = -k.surface[0, c] * before
+        rebound = -restitution_at(k, c, -before) * before
+        e = k.surface[0, c] if k.falls is None else restitution_at(k, c, speed_there(before, free, gap, h))
         if k.late[0, c] > 0:
             # At that time of the step it is as fast as all that acts has made it by then, not as at the beginning.
             lies = k.late[2, c] == LIES
             kicked = before if lies else now
             struck = before + k.late[0, c] * own + (0.0 if lies else k.late[2, c] * (now - before) / h)
-            rebound = kicked - answered(k.surface[0, c], k.late[3, c] * k.rows[c, 0, 15]) * struck
-        elif lies_under or (k.second[c] == WORLD and 0 < k.surface[0, c] < 1):
-            rebound = max(turned_around(before, free, gap, k.surface[0, c], h), -gap / h)
+            e = restitution_at(k, c, -struck)
+            rebound = kicked - answered(e, k.late[3, c] * k.rows[c, 0, 15]) * struck
+        elif lies_under or (k.second[c] == WORLD and 0 < e < 1):
+            rebound = max(turned_around(before, free, gap, e, h), -gap / h)
         k.struck[c] = -before if meets and quick and k.second[c] == WORLD else 0.0
         k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -gap / h
         largest = max(largest, max(abs(now), abs(now - before)))

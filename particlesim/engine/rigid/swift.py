@@ -75,8 +75,8 @@ class Swift(NamedTuple):
     tired: Any
 
 
-def new_swift(shapes: Any, owner: Any) -> Swift:
-    """Room for the bodies of groups with these shapes; `owner` is the group of each body."""
+def new_swift(shapes: Any, owner: Any, falls: bool) -> Swift:
+    """Room for the bodies of groups with these shapes; `owner`: the group of each body; whether some restitution `falls`."""
     inner = np.array([shape.fineness() for shape in shapes])
     reach = np.array([shape.reach() for shape in shapes])
     # A ball that turns stays where it is.
@@ -87,7 +87,7 @@ def new_swift(shapes: Any, owner: Any) -> Swift:
     on, listed = np.zeros(n, np.int64), np.zeros(n, np.int64)
     return Swift(
         *(inner[owner], lever[owner], core.astype(np.int64)[owner], np.zeros((n, 7))),
-        *(begun, safe, impacts, looks, on, listed, new_contacts(ROOM), np.zeros(1)),
+        *(begun, safe, impacts, looks, on, listed, new_contacts(ROOM, falls), np.zeros(1)),
         *(np.zeros(n, np.int64), np.zeros(1, np.int64)),
     )
 

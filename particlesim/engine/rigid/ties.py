@@ -71,7 +71,7 @@ class Ties:
         rows = self.held if held else self.rows
         chosen = [(self._states[name], mine) for name, mine in rows.items()]
         number = sum(map(len, rows.values()))
-        nothing = np.zeros((4, len(chosen), 1)), np.zeros((6, number)), number if held else 0
+        nothing = np.zeros((6, len(chosen), 1)), np.zeros((6, number)), number if held else 0
         return among(chosen, *nothing, np.ones(number, np.int64))
 
     def on_rods(self) -> list[tuple[GroupState, Ints]]:

@@ -75,6 +75,21 @@ def rebounds_from_body(k: Any, c: Any) -> bool:
     return bool(pair and k.surface[0, c] > 0)
 
 
+def restitution_at(k: Any, c: Any, speed: Any) -> Any:
+    """Restitution of an impact at a contact with a speed of approach: the smaller one of the laws of both sides."""
+    if k.falls is None:
+        return k.surface[0, c]
+    f = k.falls
+    one = f[0, c] * max(speed / f[1, c], 1.0) ** (-f[2, c])
+    return min(one, f[3, c] * max(speed / f[4, c], 1.0) ** (-f[5, c]))
+
+
+def speed_there(before: Any, now: Any, gap: Any, h: Any) -> Any:
+    """The speed with which a contact closes (`turned_around`)."""
+    middle = 0.5 * (before + now)
+    return np.sqrt(middle * middle + 2 * max(before - now, 0.0) * gap / h)
+
+
 def answered(e: Any, stiff: Any) -> Any:
     """By how much an impact changes the speed of approach u, in units of it: 1 + e, but for what the shift by its impulse
     takes, c (Δu)²/2 with the part c = `stiff` of the energies: (1 + c) (Δu)² − 2 u Δu + (1 − e²) u² = 0. It is stopped at

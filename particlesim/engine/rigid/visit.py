@@ -35,6 +35,8 @@ class Visitors(NamedTuple):
     restitution: Floats
     static: Floats
     kinetic: Floats
+    speed: Floats
+    exponent: Floats
     gain: Floats
     beyond: Floats
     tied: Ints
@@ -60,7 +62,7 @@ def among(
     held: int,
     tied: Ints,
 ) -> Visitors:
-    """Some rows of groups as visitors, with what contact of each group does [4, kinds, groups of bodies], and `load`, which
+    """Some rows of groups as visitors, with what contact of each group does [6, kinds, groups of bodies], and `load`, which
     is `gain` and `beyond` [6, n]."""
     parts = []
     for kind, (state, rows) in enumerate(chosen):
@@ -82,7 +84,14 @@ def among(
 def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
     """The visitors as kernels take them, after so many bodies, for a step of length h."""
     n = len(visitors.w)
-    tables = (visitors.touch, visitors.restitution, visitors.static, visitors.kinetic)
+    tables = (
+        visitors.touch,
+        visitors.restitution,
+        visitors.static,
+        visitors.kinetic,
+        visitors.speed,
+        visitors.exponent,
+    )
     scratch = (np.zeros(n), np.zeros((3, n)), np.zeros((3, n)))
     columns = (visitors.kind, visitors.radius, visitors.id, *tables)
     known = (np.zeros((3, n)), np.zeros(1, np.int64), np.zeros((3, n)), np.zeros(n))

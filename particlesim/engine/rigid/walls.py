@@ -19,6 +19,7 @@ import numpy as np
 from particlesim.bodies.pieces import BOX, CONE, CYLINDER, HULL, SPHERE
 from particlesim.colliders.moving import MovingRecord, carried, frame_at, out_of, surface_velocity
 from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
+from particlesim.colliders.response import FallingRecord
 from particlesim.colliders.sphere import BallRecord
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.bodies import (
@@ -28,6 +29,7 @@ from particlesim.engine.rigid.bodies import (
     orientation,
     place,
     row,
+    set_fall,
     set_surface,
 )
 from particlesim.engine.rigid.manifold import LEANING, OTHER, SPAN
@@ -57,7 +59,7 @@ AROUND = 16
 
 class Wall(NamedTuple):
     """A collider: its shape, which groups it holds back [groups], restitution, static and kinetic friction, the
-    velocity of its surface along itself [m/s], its number."""
+    velocity of its surface along itself [m/s], its number; how restitution falls with the speed of impacts, or None."""
 
     shape: Any
     on: Any
@@ -66,6 +68,7 @@ class Wall(NamedTuple):
     kinetic: float
     belt: tuple[float, float, float]
     number: int
+    falling: FallingRecord | None = None
 
 
 def probe(p: Any, radius: Any, t: Any) -> Any:
@@ -82,14 +85,6 @@ def away(shape: Any, p: Any) -> Any:
         0.0 if n[1] is None else n[1],
         0.0 if n[2] is None else n[2],
     )
-
-
-def spin_of(shape: Any) -> Any:
-    """The angular velocity of a collider [rad/s]."""
-    if isinstance(shape, MovingRecord) and shape.spin is not None:
-        s = shape.spin
-        return s.rate * s.x, s.rate * s.y, s.rate * s.z
-    return 0.0, 0.0, 0.0
 
 
 @outlined
@@ -109,6 +104,8 @@ def touch_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, h: Any) -
             touch_piece(wall, k, p, i, s, margin, t, code)
     for number in range(begin, k.number[0]):
         set_surface(k, number, wall.restitution, wall.static, wall.kinetic)
+        if wall.falling is not None:
+            set_fall(k, number, 0, wall.restitution, wall.falling.speed, wall.falling.exponent)
         n = row(k.normal, number)
         belt = carried(wall.shape, wall.belt, t, 0.0)
         out = dot(belt, n)  # what points out of the surface counts for nothing

@@ -5,8 +5,17 @@ tangential impulse per mass of 2/7 |u| stops that, as a sphere has I = 2/5 m r²
 with J the normal impulse per mass, else μ_k J. A sphere that rolls has u = 0 and gets none; down a slope it rolls with 5/7
 of the acceleration of a sphere without friction, while that takes no more than μ_s J.
 
+With rolling friction μ_r (of grains) there is also an angular impulse m r n × q with |q| ≤ μ_r J, which changes the speed of
+the surface by rolling, s = r ω × n, by 5/2 q. Where friction p holds, both together take u = v_t − s to 0 and v_t to as
+little as they may:
+
+    p = −2/7 u + 5/7 q,   q = −7/5 (v_t − 2/7 u), or as much of it as is allowed.
+
+So a sphere rolls down a slope with 5/7 g (sin θ − μ_r cos θ), and rests up to tan θ = μ_r. Where it slides, p and q are
+found by turns, each within its bound.
+
 Source: the collision of a sphere with a rough wall, O. R. Walton, in Particulate Two-Phase Flow (1993), with a tangential
-restitution of −1 or 0.
+restitution of −1 or 0; J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technol. 206, 269 (2011), on rolling friction.
 """
 
 from __future__ import annotations
@@ -15,20 +24,26 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.moving import MovingRecord, carried, frame_at, surface_velocity
+from particlesim.colliders.moving import MovingRecord, carried, frame_at, spin_of, surface_velocity
 from particlesim.colliders.response import along_surface
+from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
+from particlesim.engine.step.lateness import way_between
+from particlesim.engine.step.resting import cross
 from particlesim.laws.registry import PASS, gap, gap_and_normal, moved_to
 
 NEAR = 1e-6
 """Part of the radius by which a particle that lies may be off a surface."""
 MOST = 0.5
 """Part of the radius by which friction may move a particle in a step: not through a sheet."""
+TURNS = 8
+"""Turns between sliding and rolling friction of what slides."""
 
 
-def rub(c: Any, columns: Any, i: Any, p: Any, n: Any, push: Any) -> Any:
+def rub(c: Any, rolling: Any, columns: Any, i: Any, p: Any, n: Any, push: Any) -> Any:
     """Turn sphere i of some columns by the friction of a collider that gave it a normal impulse over mass `push` [m/s], and
-    return what its velocity changes by; p is the sphere with its velocity after that impulse."""
+    by `rolling` friction unless that is None; return what its velocity changes by. p is the sphere with its velocity after
+    that impulse."""
     friction, s, r = c.response.friction, columns.spin, p.r
     w = (s.wx[i], s.wy[i], s.wz[i])
     u = (p.vx, p.vy, p.vz)
@@ -42,6 +57,13 @@ def rub(c: Any, columns: Any, i: Any, p: Any, n: Any, push: Any) -> Any:
     up = u[0] * n[0] + u[1] * n[1] + u[2] * n[2]
     slip = tuple(a - up * axis - r * b for a, axis, b in zip(u, n, turn, strict=True))
     one = type_of(push, 1)
+    if rolling is not None:
+        spun = cross(spin_of(c.shape), n)
+        roll = tuple(r * (a - type_of(push, b)) for a, b in zip(turn, spun, strict=True))
+        change, q = slowed(slip, roll, friction, rolling, push)
+        k = type_of(push, 2.5) / (r if r > 0 else one)
+        spin_up(s, i, k, cross(n, tuple(a - b for a, b in zip(q, change, strict=True))))
+        return change
     speed, share = np.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2]), type_of(push, 2 / 7)
     holds = share * speed <= friction.static * push
     part = share if holds else min(friction.kinetic * push / speed, share)
@@ -53,9 +75,65 @@ def rub(c: Any, columns: Any, i: Any, p: Any, n: Any, push: Any) -> Any:
     return change
 
 
-def rubbed(colliders: Any, c: Any, i: Any, q: Any, r: Any, h: Any) -> Any:
-    """Particle i at the end r of a step of h that colliders without friction have made of q, with the friction that goes
-    with their impulses: those of colliders that it may have touched, one after the other."""
+def spin_up(s: Any, i: Any, k: Any, turn: Any) -> None:
+    """Change the angular velocity of a sphere by k times something."""
+    s.wx[i] += k * turn[0]
+    s.wy[i] += k * turn[1]
+    s.wz[i] += k * turn[2]
+
+
+@outlined
+def slowed(slip: Any, roll: Any, friction: Any, rolling: Any, push: Any) -> Any:
+    """Friction p and rolling friction q of a sphere under a normal impulse over mass `push`, from how it slides over a
+    surface and how its own surface goes by rolling, as vectors [m/s]."""
+    one, two7, most = type_of(push, 1), type_of(push, 2 / 7), rolling * push
+    full = tuple(type_of(push, -7 / 5) * (b + (one - two7) * a) for a, b in zip(slip, roll, strict=True))
+    part = within(full, most)
+    q = tuple(part * a for a in full)
+    p = tuple(type_of(push, 5 / 7) * b - two7 * a for a, b in zip(slip, q, strict=True))
+    if part >= one:
+        p = tuple(-a - b for a, b in zip(slip, roll, strict=True))  # both end, to the last bit
+    if within(p, friction.static * push) < one:
+        p = q = (push - push, push - push, push - push)
+        for _ in range(TURNS):
+            spun = tuple(a + type_of(push, 2.5) * (y - x) for a, x, y in zip(roll, p, q, strict=True))
+            q = limited(tuple(y - type_of(push, 0.4) * a for a, y in zip(spun, q, strict=True)), most)
+            u = tuple(
+                a + type_of(push, 3.5) * x - type_of(push, 2.5) * y
+                for a, x, y in zip(slip, p, q, strict=True)
+            )
+            p = limited(tuple(x - two7 * a for a, x in zip(u, p, strict=True)), friction.kinetic * push)
+    return p, q
+
+
+def within(v: Any, most: Any) -> Any:
+    """The part of a vector that is at most as long."""
+    size = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    return most / size if size > most else type_of(size, 1)
+
+
+def limited(v: Any, most: Any) -> Any:
+    """A vector, or one along it that is as long as allowed."""
+    part = within(v, most)
+    return part * v[0], part * v[1], part * v[2]
+
+
+def way_of(p: Any, q: Any, h: Any) -> Any:
+    """How far forces move a particle in a step of h from p to q over h times what they change its velocity by, which is a
+    property of the method: 0, a half or 1."""
+    half = type_of(h, 0.5)
+    way = way_between(p, q, h)
+    a, b = way.turn, way.bend
+    size = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
+    along = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    if along < half * half * size:
+        return h - h
+    return half if along <= (half + half * half) * size else type_of(h, 1)
+
+
+def rubbed(colliders: Any, rolling: Any, c: Any, i: Any, p: Any, q: Any, r: Any, h: Any) -> Any:
+    """Particle i at the end r of a step of h from p that colliders without friction have made of q, with the friction that
+    goes with their impulses: those of colliders that it may have touched, one after the other."""
     left = (r.vx - q.vx, r.vy - q.vy, r.vz - q.vz)
     if left[0] != 0 or left[1] != 0 or left[2] != 0:
         far = h * (_size(q) + _size(r)) + type_of(h, NEAR) * r.r
@@ -67,11 +145,11 @@ def rubbed(colliders: Any, c: Any, i: Any, q: Any, r: Any, h: Any) -> Any:
             if (push > 0) & (g < far):
                 left = tuple(a - push * axis for a, axis in zip(left, n, strict=True))
                 if each.response.friction is not None:
-                    x, y, z = rub(each, c, i, r, n, push)
+                    x, y, z = rub(each, rolling, c, i, r, n, push)
                     r = moved_to(r, r.x, r.y, r.z, r.vx + x, r.vy + y, r.vz + z, r.t)
                     dx, dy, dz = dx + x, dy + y, dz + z
         # a force that acts all through the step; an impact takes place in the middle of it, on average
-        half = type_of(h, 0.5) * h
+        half = (type_of(h, 0.5) if rolling is None else way_of(p, q, h)) * h
         there = moved_to(r, r.x + half * dx, r.y + half * dy, r.z + half * dz, r.vx, r.vy, r.vz, r.t)
         near = half * np.sqrt(dx * dx + dy * dy + dz * dz) < type_of(h, MOST) * r.r
         if near & (_least(colliders, there) >= min(_least(colliders, r), h - h) - type_of(h, NEAR) * r.r):

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from particlesim.bodies import Bodies, Joint
 from particlesim.bonds import Rods, Springs
 from particlesim.bonds.pairs import SINGLE, WORLD
-from particlesim.colliders.friction import FallingRestitution
 from particlesim.emitters import Emitter
 from particlesim.groups.group import Group, Particles
 from particlesim.model.mistakes import Invalid, Path
@@ -18,7 +17,6 @@ from particlesim.scenario.reach import (
     held_back,
     joint_tables,
     mortal,
-    touched_bodies,
 )
 from particlesim.scenario.rules.joints import listed as particle_joints
 from particlesim.scenario.rules.joints import which
@@ -173,21 +171,8 @@ def kept(scenario: Tables) -> Iterator[Invalid]:
         )
 
 
-def touched(scenario: Tables) -> Iterator[Invalid]:
-    """Impacts of grains with bodies have one restitution."""
-    for k, each in enumerate(scenario.interactions):
-        if isinstance(getattr(each, "restitution", None), FallingRestitution) and touched_bodies(
-            scenario, each
-        ):
-            yield Invalid(
-                "impacts of rigid bodies have one restitution, at any speed",
-                ("interactions", k, "restitution"),
-                allowed="a number from 0 to 1, or groups of particles alone, on = [...]",
-            )
-
-
 def held(scenario: Tables) -> Iterator[Invalid]:
-    """Bodies bounce off colliders, with one restitution and Coulomb friction."""
+    """Bodies bounce off colliders, with restitution and Coulomb friction."""
     tables: dict[str, Path] = {body.name: ("bodies", k) for k, body in enumerate(scenario.bodies)}
     for where, each in collider_tables(scenario):
         if not tables or not held_back(each, tables):
@@ -219,13 +204,5 @@ def held(scenario: Tables) -> Iterator[Invalid]:
                 "tangential_loss is for particles; rigid bodies have friction",
                 (*where, "tangential_loss"),
                 also,
-                hint=hint,
-            )
-        elif isinstance(each.restitution, FallingRestitution):
-            yield Invalid(
-                "impacts of rigid bodies have one restitution, at any speed",
-                (*where, "restitution"),
-                also,
-                allowed="a number from 0 to 1",
                 hint=hint,
             )

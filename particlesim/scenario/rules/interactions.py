@@ -9,7 +9,15 @@ from particlesim.groups.group import Group
 from particlesim.integrators import method_for
 from particlesim.interactions import PairInteraction
 from particlesim.model.mistakes import Invalid, Path
-from particlesim.scenario.reach import collider_tables, group_tables, held_back, interacting, spins, unmoved
+from particlesim.scenario.reach import (
+    collider_tables,
+    group_tables,
+    held_back,
+    interacting,
+    spins,
+    touches_by_surfaces,
+    unmoved,
+)
 from particlesim.scenario.tables import Tables
 
 STOCHASTIC = ("velocity_verlet", "symplectic_euler")
@@ -91,6 +99,26 @@ def turned(scenario: Tables) -> Iterator[Invalid]:
                 ("particles", k, "angular_velocity"),
                 hint='[[interactions]] of type "contact" with friction let them',
             )
+
+
+def rolled(scenario: Tables) -> Iterator[Invalid]:
+    """Rolling friction holds back what turns: spheres that touch each other or colliders."""
+    for k, each in enumerate(scenario.interactions):
+        if each.rolls > 0:
+            groups = interacting(each, scenario.groups)
+            at: Path = ("interactions", k, "rolling_friction")
+            if touches_by_surfaces(each, groups):
+                yield Invalid(
+                    "surfaces, strands and what touches them do not roll",
+                    at,
+                    hint="surfaces = false has particles touch as spheres",
+                )
+            elif each.between is not None and len(groups) < 2:
+                yield Invalid(
+                    "grains that touch bodies have no rolling friction there",
+                    at,
+                    hint="give it to a contact among the grains themselves",
+                )
 
 
 def against_walls(scenario: Tables) -> Iterator[Invalid]:

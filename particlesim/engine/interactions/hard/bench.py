@@ -49,6 +49,9 @@ class Bench(NamedTuple):
 
     Of particles: `mark` [n]; by how much forces have changed velocities in the step, at most in a cluster [n] [m/s];
     velocities before impulses, sums over clusters, and more [10, n]. A desk for impulses that are found at once.
+
+    With rolling friction, None without: what contacts have been given of it at rest (`friction`), and its LIMIT, as for
+    `held` [4, room + walls]; of particles at colliders its coefficient, and how the collider turns [4, walls] [1/s].
     """
 
     rows: Any
@@ -63,9 +66,11 @@ class Bench(NamedTuple):
     change: Any
     start: Any
     desk: Desk
+    rolled: Any = None
+    wall_rolls: Any = None
 
 
-def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any) -> Bench:
+def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any, rolls: bool) -> Bench:
     """Room for some pairs, for particles at colliders, and for the ends of their lists, among some particles."""
     return Bench(
         np.zeros((2, room), np.int64),
@@ -80,4 +85,6 @@ def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any) -> B
         np.zeros(particles, dtype),
         np.zeros((10, particles)),
         new_desk(room + walls, particles),
+        np.zeros((4, room + walls), dtype) if rolls else None,
+        np.zeros((4, walls), dtype) if rolls else None,
     )

@@ -7,8 +7,9 @@ w = 1/m, n from the second to the first and v_n = (v₁ − v₂)·n < 0 a pair 
 
 and across n, by Coulomb, the impulse that stops sliding if that is at most μ_s j, else μ_k j. The surfaces slide over each
 other at u = v_t − s (r₁ ω₁ + r₂ ω₂) × n with s = |l|/(r₁ + r₂), and the impulse u/((1 + 5 s²/2) (w₁ + w₂)) stops them, which
-is 2/7 u/(w₁ + w₂) where spheres just touch; its torque turns both. So momentum and angular momentum are kept, and energy
-never grows, pair by pair. Colliders on which particles lie take part in the turns.
+is 2/7 u/(w₁ + w₂) where spheres just touch; its torque turns both. Rolling friction stops what rolls as far as μ_r j allows
+(`friction`). So momentum and angular momentum are kept, and energy never grows, pair by pair. Colliders on which particles
+lie take part in the turns.
 
 An approach as slow as forces bring about within two steps counts as rest, with e = 0 (`turns`). What rests begins with what
 it has been given in the last step, and may take it back (`memory`). Where turns do not settle, clusters with few pairs are
@@ -53,6 +54,7 @@ from particlesim.engine.interactions.hard.memory import (
     remember,
     start,
     take_back,
+    there_is,
     with_room,
 )
 from particlesim.engine.interactions.hard.turns import (
@@ -151,7 +153,14 @@ class Impulses(NearLists, ImpulseColumns):
         if (pairs, walls) == (self.bench.rows.shape[1], self.bench.wall.size):
             return self
         self.report[WANTED:] = 0
-        bench = new_bench(pairs, walls, self.bench.ends.size, self.bench.mark.size, self.bench.normal.dtype)
+        bench = new_bench(
+            pairs,
+            walls,
+            self.bench.ends.size,
+            self.bench.mark.size,
+            self.bench.normal.dtype,
+            self.bench.rolled is not None,
+        )
         return self._replace(bench=bench, known=with_room(self.known, pairs + walls))
 
     def after(self, before: Interaction, place: Ints) -> Self:
@@ -167,7 +176,7 @@ class Impulses(NearLists, ImpulseColumns):
     def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
         super().bring_back(there, rows, place)
         known = known_by(there.known, rows, rows.size, self.known.partner.size)
-        for mine, theirs in zip(self.known, known, strict=True):
+        for mine, theirs in zip(there_is(self.known), there_is(known), strict=True):
             mine[:] = theirs
 
     @property
@@ -175,7 +184,7 @@ class Impulses(NearLists, ImpulseColumns):
         return float(self.fed[0])
 
     def changing(self) -> tuple[Floats, ...]:
-        return (self.fed, *self.known)
+        return (self.fed, *there_is(self.known))
 
     def with_changed(self, arrays: Sequence[Floats]) -> Self:
         return self._replace(fed=arrays[0], known=Known(*arrays[1:]))
@@ -311,6 +320,7 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     found = with_masses(site, near_pairs_of(site, pairs))
     count, colliders = site.whole.count, len(site.scenario.all_colliders)
     room, sides = PAIRS * count + SOME, (SIDES * count if colliders else 0) + SOME
-    bench = new_bench(room, sides, colliders * len(site.state) + 1, count, site.dtype)
-    known = new_known(room + sides, count, site.dtype)
+    rolls = found.law.rolling is not None
+    bench = new_bench(room, sides, colliders * len(site.state) + 1, count, site.dtype, rolls)
+    known = new_known(room + sides, count, site.dtype, rolls)
     return Impulses(*found, bench, np.zeros(3, np.int64), np.zeros(1), known)

@@ -38,8 +38,9 @@ from particlesim.engine.interactions.hard.bench import (
     WAY,
     WORK,
 )
-from particlesim.engine.interactions.hard.turns import give_pair, turn_pair
-from particlesim.engine.interactions.hard.walls import push_at_wall, turn_at_wall
+from particlesim.engine.interactions.hard.friction import roll_pair, turn_pair
+from particlesim.engine.interactions.hard.turns import give_pair
+from particlesim.engine.interactions.hard.walls import push_at_wall, roll_at_wall, turn_at_wall
 from particlesim.engine.interactions.interaction import Ints
 from particlesim.engine.state.columns import type_of
 
@@ -50,22 +51,30 @@ ROUNDING = 1e-12
 class Known(NamedTuple):
     """What contacts at rest have been given in the last step, those of particle i in [begin[i], begin[i + 1]): `partner`
     [room], the larger row of the pair, or −1 − k for collider k; `push` [room, 3], as a change of the velocity of the first
-    relative to the second [m/s]."""
+    relative to the second [m/s]; `rolled` [room, 3], the same of rolling friction (`friction`), None without."""
 
     begin: Any
     partner: Any
     push: Any
+    rolled: Any = None
 
 
-def new_known(room: int, particles: int, dtype: Any) -> Known:
+def new_known(room: int, particles: int, dtype: Any, rolls: bool = False) -> Known:
     """Nothing is known, with room for some contacts."""
-    return Known(np.zeros(particles + 1, np.int64), np.zeros(room, np.int32), np.zeros((room, 3), dtype))
+    begin, partner = np.zeros(particles + 1, np.int64), np.zeros(room, np.int32)
+    return Known(begin, partner, np.zeros((room, 3), dtype), np.zeros((room, 3), dtype) if rolls else None)
+
+
+def there_is(known: Known) -> tuple[Any, ...]:
+    """The arrays of what is known."""
+    return tuple(each for each in known if each is not None)
 
 
 def with_room(known: Known, room: int) -> Known:
     """The same with room for so many contacts at least."""
-    more = new_known(max(room, known.partner.size), known.begin.size - 1, known.push.dtype)
-    for mine, theirs in zip(more, known, strict=True):
+    rolls = known.rolled is not None
+    more = new_known(max(room, known.partner.size), known.begin.size - 1, known.push.dtype, rolls)
+    for mine, theirs in zip(there_is(more), there_is(known), strict=True):
         mine[: len(theirs)] = theirs
     return more
 
@@ -73,17 +82,18 @@ def with_room(known: Known, room: int) -> Known:
 def known_by(known: Known, place: Ints, particles: int, room: int) -> Known:
     """The same among particles of which row k has become row `place[k]`, −1 of those that are gone."""
     first = np.repeat(np.arange(known.begin.size - 1), np.diff(known.begin))
-    partner, push = known.partner[: first.size].astype(np.int64), known.push[: first.size]
+    partner = known.partner[: first.size].astype(np.int64)
     i, j = place[first], np.where(partner < 0, partner, place[np.maximum(partner, 0)])
     left = (i >= 0) & ((j >= 0) | (partner < 0))
-    i, j, push = i[left], j[left], push[left]
+    i, j = i[left], j[left]
     turned = (j >= 0) & (j < i)
     i, j = np.where(turned, j, i), np.where(turned, i, j)
     order = np.argsort(i, kind="stable")
-    found = new_known(max(room, i.size), particles, known.push.dtype)
+    found = new_known(max(room, i.size), particles, known.push.dtype, known.rolled is not None)
     found.begin[1:] = np.cumsum(np.bincount(i, minlength=particles))
     found.partner[: i.size] = j[order]
-    found.push[: i.size] = np.where(turned, -1, 1)[order, None] * push[order]
+    for there, had in zip(there_is(found)[2:], there_is(known)[2:], strict=True):
+        there[: i.size] = np.where(turned, -1, 1)[order, None] * had[: first.size][left][order]
     return found
 
 
@@ -103,7 +113,8 @@ def _recall_pairs(each: Any, c: Any) -> bool:
         u = (c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j])
         at = root(bench.desk.cluster, i if each.a[i] > 0 else j)
         static = type_of(u[0], 0 if each.law.friction is None else each.law.friction.static)
-        given = _recall(each, c, k, i, j, at, u, bench.normal, k, static)
+        rolling = type_of(u[0], 0 if each.law.rolling is None else each.law.rolling)
+        given = _recall(each, c, k, i, j, at, u, bench.normal, k, static, rolling)
         some = some | (given > 0)
     return some
 
@@ -118,12 +129,24 @@ def _recall_walls(each: Any, c: Any, walls: Any) -> bool:
         other = -1 - bench.collider[q] if lies else each.known.begin.size
         u = (c.vx[i] - w[OWN, q], c.vy[i] - w[OWN + 1, q], c.vz[i] - w[OWN + 2, q])
         at = root(bench.desk.cluster, i)
-        some = some | (_recall(each, c, each.report[COUNT] + q, i, other, at, u, w, q, w[RUBS, q]) > 0)
+        rolling = type_of(u[0], 0) if bench.wall_rolls is None else bench.wall_rolls[0, q]
+        k = each.report[COUNT] + q
+        some = some | (_recall(each, c, k, i, other, at, u, w, q, w[RUBS, q], rolling) > 0)
     return some
 
 
 def _recall(
-    each: Any, c: Any, k: Any, i: Any, other: Any, cluster: Any, u: Any, normal: Any, q: Any, static: Any
+    each: Any,
+    c: Any,
+    k: Any,
+    i: Any,
+    other: Any,
+    cluster: Any,
+    u: Any,
+    normal: Any,
+    q: Any,
+    static: Any,
+    rolling: Any,
 ) -> Any:
     """Begin contact k of particle i in a cluster, whose two move at u relative to each other, with what it has been given,
     as far as that pushes along its present normal, unless it comes apart. To what carries something, a blow is more."""
@@ -131,6 +154,9 @@ def _recall(
     change = type_of(given, REST) * each.bench.change[cluster]
     n = (normal[0, q], normal[1, q], normal[2, q])
     held[0, k] = held[1, k] = held[2, k] = held[LIMIT, k] = 0
+    if known.rolled is not None:
+        for axis in range(4):
+            each.bench.rolled[axis, k] = 0
     apart, best = u[0] * n[0] + u[1] * n[1] + u[2] * n[2], type_of(given, 0)
     for at in range(known.begin[i], known.begin[i + 1]):
         if known.partner[at] == other:
@@ -142,10 +168,22 @@ def _recall(
                 x, y, z = x - along * n[0], y - along * n[1], z - along * n[2]
                 part = within(x * x + y * y + z * z, static * along)
                 held[0, k], held[1, k], held[2, k] = part * x, part * y, part * z
+                if known.rolled is not None:
+                    _recall_rolling(each, k, at, n, rolling * along)
     if given > 0:
         normal[LEAST, q] = max(normal[LEAST, q], change, type_of(given, REST) * given)
     each.bench.desk.contacts[GIVEN, k] = given
     return given
+
+
+def _recall_rolling(each: Any, k: Any, at: Any, n: Any, most: Any) -> None:
+    """Begin contact k with the rolling friction that is known at a place, as far as it turns across its present normal."""
+    known, rolled = each.known.rolled, each.bench.rolled
+    x, y, z = known[at, 0], known[at, 1], known[at, 2]
+    along = x * n[0] + y * n[1] + z * n[2]
+    x, y, z = x - along * n[0], y - along * n[1], z - along * n[2]
+    part = within(x * x + y * y + z * z, most)
+    rolled[0, k], rolled[1, k], rolled[2, k] = part * x, part * y, part * z
 
 
 @outlined
@@ -193,6 +231,12 @@ def _keep(each: Any, k: Any, i: Any, other: Any, normal: Any, q: Any) -> None:
     known.partner[at] = other
     for axis in range(3):
         known.push[at, axis] = given * normal[axis, q] + part * held[axis, k]
+    if known.rolled is not None:
+        r = each.bench.rolled
+        size = r[0, k] * r[0, k] + r[1, k] * r[1, k] + r[2, k] * r[2, k]
+        part = within(size, r[LIMIT, k] * given)
+        for axis in range(3):
+            known.rolled[at, axis] = part * r[axis, k]
     known.begin[i] = at + 1
 
 
@@ -232,6 +276,8 @@ def start(each: Any, c: Any, walls: Any) -> None:
             x, y, z = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
             turn_pair(each, c, k, tx, ty, tz)
             give_pair(each, c, k, given * x + tx, given * y + ty, given * z + tz)
+            if bench.rolled is not None:
+                roll_pair(each, c, k, (bench.rolled[0, k], bench.rolled[1, k], bench.rolled[2, k]))
     for q in range(walls):
         i, k = bench.wall[q], pairs + q
         given = type_of(c.x[0], bench.desk.contacts[GIVEN, k])
@@ -240,6 +286,8 @@ def start(each: Any, c: Any, walls: Any) -> None:
             t = (bench.held[0, k], bench.held[1, k], bench.held[2, k])
             turn_at_wall(c, i, n, t)
             push_at_wall(each, c, q, given * n[0] + t[0], given * n[1] + t[1], given * n[2] + t[2])
+            if bench.rolled is not None:
+                roll_at_wall(each, c, q, (bench.rolled[0, k], bench.rolled[1, k], bench.rolled[2, k]))
 
 
 @outlined
@@ -323,3 +371,5 @@ def scale(bench: Any, k: Any, part: Any) -> None:
     bench.desk.contacts[GIVEN, k] = part * bench.desk.contacts[GIVEN, k]
     for axis in range(3):
         bench.held[axis, k] = type_of(bench.held[0, k], part) * bench.held[axis, k]
+        if bench.rolled is not None:
+            bench.rolled[axis, k] = type_of(bench.held[0, k], part) * bench.rolled[axis, k]

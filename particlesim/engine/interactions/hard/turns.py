@@ -26,7 +26,6 @@ from particlesim.engine.interactions.hard.bench import (
     FREE,
     KEPT,
     LATER,
-    LIMIT,
     NEAR_WALL,
     PAIRED,
     REST,
@@ -36,6 +35,7 @@ from particlesim.engine.interactions.hard.bench import (
     WAY,
     WORK,
 )
+from particlesim.engine.interactions.hard.friction import coupled, hold_pair, hold_rolling
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.interactions.touching import line_between, overlap_at
 from particlesim.engine.state.columns import type_of
@@ -52,6 +52,8 @@ NOISE, OTHER = 1e-6, 0.1
 hit something differs from that of a method, as a part of it."""
 ANY = 1e30
 """Least speed of a rebound of what does not touch [m/s]."""
+BLOWS = 24
+"""Turns between friction and rolling friction of a blow, each of which leaves 5/7 of what both lack, or less."""
 GENTLY = 0.02
 """The part of the smaller radius by which a step makes an overlap smaller at most."""
 
@@ -220,6 +222,10 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
                 tx, ty, tz = hold_pair(each, c, k, slide, push)
                 dx, dy, dz = dx + tx, dy + ty, dz + tz
             give_pair(each, c, k, dx, dy, dz)
+            if bench.rolled is not None:
+                hold_rolling(each, c, k, push)
+                if lively and coupled(each, c, k):
+                    rub_and_roll(each, c, k, push)
     return worst, squares
 
 
@@ -241,6 +247,8 @@ def given_at(bench: Any, k: Any, normal: Any, q: Any, approach: Any, later: Any,
             bench.desk.contacts[GIVEN, k] = given + approach
         else:
             bench.held[0, k] = bench.held[1, k] = bench.held[2, k] = 0  # friction of each blow by itself
+            if bench.rolled is not None:
+                bench.rolled[0, k] = bench.rolled[1, k] = bench.rolled[2, k] = 0
         return change, given + change
     change = max(approach if approach > 0 else min(approach + parts, e - e), -given)
     bench.desk.contacts[GIVEN, k] = given + change
@@ -280,66 +288,6 @@ def surface_of(each: Any, c: Any, k: Any, i: Any) -> Any:
     return x, y, z
 
 
-def surfaces(c: Any, i: Any, j: Any) -> Any:
-    """r₁ ω₁ + r₂ ω₂ [m/s]."""
-    s, a, b = c.spin, c.r[i], c.r[j]
-    return a * s.wx[i] + b * s.wx[j], a * s.wy[i] + b * s.wy[j], a * s.wz[i] + b * s.wz[j]
-
-
-def slip_of(each: Any, c: Any, k: Any, slide: Any) -> Any:
-    """How the surfaces of pair k slide over each other; `slide` is the difference of their velocities across the normal
-    [m/s]."""
-    n, (sx, sy, sz) = each.bench.normal, slide
-    if c.spin is not None:
-        arm = n[ARM, k]
-        u = surfaces(c, each.bench.rows[0, k], each.bench.rows[1, k])
-        tx, ty, tz = cross(u, (n[0, k], n[1, k], n[2, k]))
-        sx, sy, sz = sx - arm * tx, sy - arm * ty, sz - arm * tz
-    return sx, sy, sz
-
-
-def turn_pair(each: Any, c: Any, k: Any, tx: Any, ty: Any, tz: Any) -> None:
-    """Turn both of pair k by friction that changes the velocity of the first relative to the second by t [m/s]."""
-    if c.spin is not None:
-        n = each.bench.normal
-        turn = cross((n[0, k], n[1, k], n[2, k]), (-tx, -ty, -tz))
-        spin_up(c, each.bench.rows[0, k], n[SPINS, k], turn)
-        spin_up(c, each.bench.rows[1, k], n[SPINS + 1, k], turn)
-
-
-def hold_pair(each: Any, c: Any, k: Any, slide: Any, given: Any) -> Any:
-    """Bring the friction of pair k up to what it has been given along the normal; returns by how much that changes
-    the velocity of the first relative to the second [m/s]."""
-    friction = each.law.friction
-    slip, share = slip_of(each, c, k, slide), each.bench.normal[SHARE, k]
-    t = held_by(each.bench.held, k, slip, share, given, friction.static, friction.kinetic)
-    turn_pair(each, c, k, t[0], t[1], t[2])
-    return t
-
-
-def held_by(held: Any, k: Any, slip: Any, share: Any, given: Any, static: Any, kinetic: Any) -> Any:
-    """Friction of contact k in place of what it has had in the step: what ends sliding, or what is allowed; by how much it
-    changes [m/s]. Where pushes have become less it stays as large as it was, so that no change of it adds energy."""
-    tx, ty, tz = held[0, k], held[1, k], held[2, k]
-    x, y, z = tx - share * slip[0], ty - share * slip[1], tz - share * slip[2]
-    size, had = x * x + y * y + z * z, tx * tx + ty * ty + tz * tz
-    most = type_of(size, static) * given
-    slides = size > max(most * most, had)
-    if slides:
-        part = min(max(type_of(size, kinetic) * given, np.sqrt(had)) / np.sqrt(size), type_of(size, 1))
-        x, y, z = part * x, part * y, part * z
-    held[0, k], held[1, k], held[2, k] = x, y, z
-    held[LIMIT, k] = kinetic if slides else static
-    return x - tx, y - ty, z - tz
-
-
-def spin_up(c: Any, i: Any, part: Any, turn: Any) -> None:
-    """Change the angular velocity of a particle by a part of something."""
-    c.spin.wx[i] += part * turn[0]
-    c.spin.wy[i] += part * turn[1]
-    c.spin.wz[i] += part * turn[2]
-
-
 def give(c: Any, i: Any, part: Any, x: Any, y: Any, z: Any) -> None:
     """Change the velocity of a particle by a part of something."""
     c.vx[i] += part * x
@@ -358,16 +306,32 @@ def push_pairs(each: Any, c: Any, pairs: Any) -> None:
             give_pair(each, c, k, change * n[0, k], change * n[1, k], change * n[2, k])
 
 
+def rub_pair(each: Any, c: Any, k: Any, given: Any) -> None:
+    """Bring the friction of pair k up to what it has been given along the normal."""
+    bench, i, j = each.bench, each.bench.rows[0, k], each.bench.rows[1, k]
+    x, y, z = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
+    vx, vy, vz = c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j]
+    rate = vx * x + vy * y + vz * z
+    slide = (vx - rate * x, vy - rate * y, vz - rate * z)
+    tx, ty, tz = hold_pair(each, c, k, slide, given)
+    give_pair(each, c, k, tx, ty, tz)
+
+
+@outlined
+def rub_and_roll(each: Any, c: Any, k: Any, push: Any) -> None:
+    """Friction and rolling friction of the blow of pair k, by turns: what rests does so from step to step."""
+    for _ in range(BLOWS):
+        rub_pair(each, c, k, push)
+        hold_rolling(each, c, k, push)
+
+
 @outlined
 def rub_pairs(each: Any, c: Any, pairs: Any) -> None:
     """Friction of all pairs that push each other at rest."""
     bench = each.bench
     for k in range(pairs):
-        i, j = bench.rows[0, k], bench.rows[1, k]
-        if bench.desk.contacts[GIVEN, k] > 0:
-            x, y, z = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
-            vx, vy, vz = c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j]
-            rate = vx * x + vy * y + vz * z
-            slide = (vx - rate * x, vy - rate * y, vz - rate * z)
-            tx, ty, tz = hold_pair(each, c, k, slide, type_of(x, bench.desk.contacts[GIVEN, k]))
-            give_pair(each, c, k, tx, ty, tz)
+        given = type_of(c.x[0], bench.desk.contacts[GIVEN, k])
+        if given > 0:
+            rub_pair(each, c, k, given)
+            if bench.rolled is not None:
+                hold_rolling(each, c, k, given)

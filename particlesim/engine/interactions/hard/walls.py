@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.colliders.bounds import BoundsRecord
-from particlesim.colliders.moving import MovingRecord, carried, frame_at, surface_velocity
+from particlesim.colliders.moving import MovingRecord, carried, frame_at, spin_of, surface_velocity
 from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.response import along_surface, bounce_at, put_back
 from particlesim.compiler import outlined
@@ -26,7 +26,8 @@ from particlesim.engine.interactions.hard.bench import (
     WALLS_WANTED,
     WORK,
 )
-from particlesim.engine.interactions.hard.turns import give, given_at, held_by
+from particlesim.engine.interactions.hard.friction import held_by, spin_up
+from particlesim.engine.interactions.hard.turns import give, given_at
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.state.columns import fetch, held, type_of
 from particlesim.engine.step.contacts import Simple
@@ -62,7 +63,7 @@ def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> A
     end, k = each.report[COUNT] - each.report[COUNT], 0
     for part in parts:
         for collider in colliders_of(part):
-            end = watch_wall(each, collider, k, c, before, t, h, part.first, part.last, end)
+            end = watch_wall(each, part.rolling, collider, k, c, before, t, h, part.first, part.last, end)
             each.bench.ends[k] = end
             k += 1
     return end
@@ -71,6 +72,7 @@ def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> A
 @outlined
 def watch_wall(
     each: Any,
+    rolling: Any,
     collider: Any,
     number: Any,
     c: Any,
@@ -90,9 +92,11 @@ def watch_wall(
                 p = fetch(c, i, t)
                 g, n = gap_and_normal(collider.shape, p)
                 if g < type_of(g, NEAR_WALL) * p.r:
-                    end = list_side(each, collider, number, c, before, h, i, p, g, whole(n, g), end)
+                    end = list_side(each, rolling, collider, number, c, before, h, i, p, g, whole(n, g), end)
                     if not isinstance(collider.shape, FLAT):
-                        end = list_corner(each, collider, number, c, before, h, i, p, whole(n, g), end)
+                        end = list_corner(
+                            each, rolling, collider, number, c, before, h, i, p, whole(n, g), end
+                        )
                 elif thrown_back(collider, before, h, i, p, g, whole(n, g)):
                     bench.mark[i] = PAIRED | THROWN
     return end
@@ -107,7 +111,17 @@ def thrown_back(collider: Any, before: Any, h: Any, i: Any, p: Any, g: Any, n: A
 
 
 def list_corner(
-    each: Any, collider: Any, number: Any, c: Any, before: Any, h: Any, i: Any, p: Any, n: Any, end: Any
+    each: Any,
+    rolling: Any,
+    collider: Any,
+    number: Any,
+    c: Any,
+    before: Any,
+    h: Any,
+    i: Any,
+    p: Any,
+    n: Any,
+    end: Any,
 ) -> Any:
     """List further sides of a collider that a particle is near, seen from places further away from those that are known."""
     w, far = each.bench.wall_normal, type_of(p.r, NEAR_WALL) * p.r
@@ -122,13 +136,14 @@ def list_corner(
             new = new & (w[0, q] * m[0] + w[1, q] * m[1] + w[2, q] * m[2] < type_of(g, SAME_SIDE))
         g -= x * m[0] + y * m[1] + z * m[2]
         if new & (g < far):
-            end = list_side(each, collider, number, c, before, h, i, p, g, m, end)
+            end = list_side(each, rolling, collider, number, c, before, h, i, p, g, m, end)
             x, y, z = x + far * m[0], y + far * m[1], z + far * m[2]
     return end
 
 
 def list_side(
     each: Any,
+    rolling: Any,
     collider: Any,
     number: Any,
     c: Any,
@@ -159,6 +174,8 @@ def list_side(
     for axis, u in enumerate(surface_of(collider, c, p, n)):
         w[OWN + axis, end] = u
     w[RUBS, end] = static_of(collider, c)
+    if bench.wall_rolls is not None:
+        note_rolling(bench.wall_rolls, rolling, collider, end)
     if dx * n[0] + dy * n[1] + dz * n[2] > 0:
         bench.mark[i] = PAIRED | THROWN
     return end + 1
@@ -182,6 +199,14 @@ def surface_of(collider: Any, c: Any, p: Any, n: Any) -> Any:
         u = surface_velocity(collider.shape, f, p.x - r * n[0], p.y - r * n[1], p.z - r * n[2])
     belt = along_surface(carried(collider.shape, collider.response.belt, p.t, p.x), n)
     return tuple(a if b is None else a + b for a, b in zip(u, belt, strict=True))
+
+
+def note_rolling(rolls: Any, rolling: Any, collider: Any, k: Any) -> None:
+    """Note the rolling friction of what lies on a collider, and how that turns."""
+    acts = rolling is not None and collider.response.friction is not None
+    rolls[0, k] = rolling if acts else 0
+    for axis, turn in enumerate(spin_of(collider.shape)):
+        rolls[1 + axis, k] = turn
 
 
 def speed_along(collider: Any, p: Any, n: Any) -> Any:
@@ -221,6 +246,8 @@ def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any
             push_at_wall(each, c, q, change * n[0], change * n[1], change * n[2])
             if response.friction is not None:
                 hold_at_wall(each, response.friction, c, q, push)
+                if bench.rolled is not None:
+                    hold_rolling_at_wall(each, c, q, push)
 
 
 def push_at_wall(each: Any, c: Any, q: Any, dx: Any, dy: Any, dz: Any) -> None:
@@ -268,6 +295,31 @@ def turn_at_wall(c: Any, i: Any, n: Any, t: Any) -> None:
         c.spin.wz[i] -= by * turn[2]
 
 
+@outlined
+def hold_rolling_at_wall(each: Any, c: Any, q: Any, given: Any) -> None:
+    """Bring the rolling friction of a particle on a collider up to what that has given it along the normal."""
+    bench, w, s, i, k = (
+        each.bench,
+        each.bench.wall_normal,
+        each.bench.wall_rolls,
+        each.bench.wall[q],
+        each.report[COUNT] + q,
+    )
+    x, y, z = c.spin.wx[i] - s[1, q], c.spin.wy[i] - s[2, q], c.spin.wz[i] - s[3, q]
+    up = x * w[0, q] + y * w[1, q] + z * w[2, q]
+    rolls = (x - up * w[0, q], y - up * w[1, q], z - up * w[2, q])
+    share = type_of(up, 0.4) * c.r[i]
+    roll_at_wall(each, c, q, held_by(bench.rolled, k, rolls, share, given, s[0, q], s[0, q]))
+
+
+def roll_at_wall(each: Any, c: Any, q: Any, roll: Any) -> None:
+    """Turn a sphere on a collider, which may do work by it, by rolling friction [m/s]."""
+    s, i = each.bench.wall_rolls, each.bench.wall[q]
+    work = float(c.r[i]) * float(roll[0] * s[1, q] + roll[1] * s[2, q] + roll[2] * s[3, q])
+    each.bench.start[WORK, root(each.bench.desk.cluster, i)] += work / float(each.a[i])
+    spin_up(c, i, type_of(roll[0], 2.5) / c.r[i], roll)
+
+
 def rub_walls(each: Any, parts: Any, c: Any) -> None:
     """Friction of colliders on particles that they push at rest."""
     begin, k = 0, 0
@@ -286,6 +338,8 @@ def rub_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any) -> None:
         given = type_of(c.x[0], each.bench.desk.contacts[GIVEN, each.report[COUNT] + q])
         if given > 0:
             hold_at_wall(each, collider.response.friction, c, q, given)
+            if each.bench.rolled is not None:
+                hold_rolling_at_wall(each, c, q, given)
 
 
 def put_on_walls(each: Any, parts: Any, c: Any, t: Any) -> Any:
