@@ -109,11 +109,12 @@ def _between_two(contacts: Any, on: Any, c: Any, d: Any, p: Any, q: Any, h: Any,
 
 
 @outlined
-def _beside(contacts: Any, on: Any, c: Any, others: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
-    """As `_between_two`, with the first of some others for which there is such a step."""
+def _beside(contacts: Any, on: Any, c: Any, k: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
+    """As `_between_two`, of collider c, the k-th, and the first before it for which there is such a step. That k is no known
+    number makes this one function for all colliders of a kind."""
     r, turn, found = q, type_of(h, 1), False
-    for j, d in enumerate(others):
-        if on[j] & (not found):
+    for j, d in enumerate(contacts.continuous):
+        if (j < k) & on[j] & (not found):
             r, turn, found = _between_two(contacts, on, c, d, p, q, h, slack)
     return r, turn, found
 
@@ -132,7 +133,7 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
             r, turn = chosen(found, lain, r), bend if found else turn
     for k, c in enumerate(contacts.continuous):
         if k > 0 and on[k] & (not found):
-            crept, bend, found = _beside(contacts, lies, c, contacts.continuous[:k], p, q, h, slack)
+            crept, bend, found = _beside(contacts, lies, c, k, p, q, h, slack)
             r, turn = chosen(found, crept, r), bend if found else turn
     if not found:
         sweeps = 0
