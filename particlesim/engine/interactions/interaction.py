@@ -227,6 +227,11 @@ class Interaction:
         """What it has given to particles by moving them apart, without forces [J]."""
         return 0.0
 
+    @property
+    def stopped(self) -> int:
+        """How often a particle has had more impacts in a step than are followed."""
+        return 0
+
     def snapped(self, before: Self, c: Any) -> float:
         """What its potential has lost in a step by jumps of contacts that have begun or ended since `before` [J]."""
         return 0.0

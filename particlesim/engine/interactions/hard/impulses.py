@@ -55,6 +55,7 @@ from particlesim.engine.interactions.hard.memory import (
     take_back,
     with_room,
 )
+from particlesim.engine.interactions.hard.swift import hasten, restore
 from particlesim.engine.interactions.hard.turns import (
     SETTLED,
     give_impulses,
@@ -71,6 +72,7 @@ from particlesim.engine.interactions.hard.walls import (
     rub_walls,
     watch_walls,
 )
+from particlesim.engine.interactions.hard.ways import STRUCK, Ways, new_ways
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.lifting import book, lifted, stored
 from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near_pairs_of
@@ -92,8 +94,9 @@ MOST_ROUNDS = 2
 
 
 class ImpulseColumns(NamedTuple):
-    """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, a report, the energy that moving
-    particles apart has given them so far [1] [J], and what contacts at rest have been given."""
+    """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, a report; the energy that moving
+    particles apart has given them so far [J], and how often one has had too many impacts in a step [2]; what contacts at
+    rest have been given, and the ways of swift particles."""
 
     law: Any
     least: Any
@@ -109,6 +112,7 @@ class ImpulseColumns(NamedTuple):
     report: Any
     fed: Any
     known: Known
+    ways: Ways
 
 
 class Impulses(NearLists, ImpulseColumns):
@@ -127,7 +131,14 @@ class Impulses(NearLists, ImpulseColumns):
         hold_stuck(self, c, share)
         bring_up(self, c, share, t)
         if share.number == 0:
+            hasten(self, parts, c, before, t, h)
+        meet(share.gate, share.threads)
+        if self.ways.number[STRUCK] > 0:
+            bring_up(self, c, share, t)
+        if share.number == 0:
             resolve(self, parts, c, before, t, h)
+            if self.ways.number[STRUCK] > 0:
+                restore(self, before)
         meet(share.gate, share.threads)
 
     def renewed(self) -> Self:
@@ -173,6 +184,10 @@ class Impulses(NearLists, ImpulseColumns):
     @property
     def given(self) -> float:
         return float(self.fed[0])
+
+    @property
+    def stopped(self) -> int:
+        return int(self.fed[1])
 
     def changing(self) -> tuple[Floats, ...]:
         return (self.fed, *self.known)
@@ -232,7 +247,7 @@ def note_changes(each: Any, c: Any, before: Any) -> None:
 def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """Impulses and displacements of all pairs that touch."""
     list_touching(each, c, before, t, h)
-    mark_pairs(each)
+    mark_pairs(each, each.ways.number[STRUCK] > 0)
     walls = watch_walls(each, parts, c, before, t, h)
     if each.report[COUNT] > 0:
         calm = look_at(each, c, before, walls, h)
@@ -313,4 +328,6 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     room, sides = PAIRS * count + SOME, (SIDES * count if colliders else 0) + SOME
     bench = new_bench(room, sides, colliders * len(site.state) + 1, count, site.dtype)
     known = new_known(room + sides, count, site.dtype)
-    return Impulses(*found, bench, np.zeros(3, np.int64), np.zeros(1), known)
+    return Impulses(
+        *found, bench, np.zeros(3, np.int64), np.zeros(2), known, new_ways(count, found.near.begin.size)
+    )

@@ -57,13 +57,14 @@ GENTLY = 0.02
 
 
 @outlined
-def mark_pairs(each: Any) -> None:
-    """Mark all particles that are in a pair."""
+def mark_pairs(each: Any, struck: Any) -> None:
+    """Mark all particles that are in a pair; with `struck`, those that are THROWN stay so."""
     bench = each.bench
     for i in range(bench.mark.size):
-        bench.mark[i] = 0
+        bench.mark[i] = bench.mark[i] & THROWN if struck else 0
     for k in range(each.report[COUNT]):
-        bench.mark[bench.rows[0, k]] = bench.mark[bench.rows[1, k]] = PAIRED
+        for i in (bench.rows[0, k], bench.rows[1, k]):
+            bench.mark[i] = bench.mark[i] | PAIRED
 
 
 @outlined

@@ -1,0 +1,241 @@
+"""Swift hard grains: whom a particle meets within a step that is long for its size, found before it passes it.
+
+Contacts look at overlaps at the end of a step. Two that move relative to each other by more than `FAST` of the sum of their
+radii in a step may have passed each other then. So all whose way relative to the mean of all is more than a half of that are
+followed along their ways (`ways`) from impact to impact (`swept`, `blows`), in the order of time, and of rows at one time.
+After an impact both go on with the velocities that they have then, and are followed, whoever they are, also to colliders.
+What nobody hits keeps its bits, and where nobody is swift nothing is done but to look at that.
+
+Ways are cut into laps, each as long as some spaces between particles, so that a particle is compared with what is near to it
+at about that time. Laps and boxes only say whom to compare: impacts do not depend on them, nor on the order of neighbours.
+
+Source: events in the order of time, B. J. Alder, T. E. Wainwright, J. Chem. Phys. 31, 459 (1959).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import outlined
+from particlesim.engine.interactions.hard.bench import THROWN
+from particlesim.engine.interactions.hard.blows import find_wall, hit_wall, strike
+from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next
+from particlesim.engine.interactions.hard.thrown import bend_ways
+from particlesim.engine.interactions.hard.ways import (
+    BEGUN,
+    BEND,
+    DUE,
+    ENDS,
+    FOLLOWED,
+    PARTNER,
+    SEEN,
+    SIZE,
+    SLOT,
+    STRUCK,
+    TURNED,
+    WALL,
+    begin_ways,
+    place_at,
+)
+from particlesim.engine.state.columns import type_of
+
+MOST_LAPS = 1000
+"""Laps into which a step is cut at most."""
+
+
+def hasten(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+    """Have swift particles meet what is on their way in a step of h that ends at time t."""
+    w = each.ways
+    w.number[STRUCK] = 0
+    if some_swift(each, c, before):
+        begin_ways(each, c, before, t, h)
+        bend_ways(each, parts, c, before, t, h)
+        laps = choose(each, c)
+        for lap in range(laps):
+            low, high = float(lap) / laps, float(lap + 1) / laps
+            box_ways(each, c, low, high)
+            begin_lap(each, c, low, high)
+            while w.number[SIZE] > 0 and soonest(w, w.queue[0]) <= high:
+                i = w.queue[0]
+                s, j = soonest(w, i), w.what[PARTNER, i]
+                if w.when[WALL, i] <= w.when[DUE, i]:
+                    hit_wall(each, parts, c, i, t, h)
+                    go_on(each, parts, c, i, s, high, t, h)
+                elif w.what[SEEN, i] != w.what[TURNED, j]:  # the other has taken another way since
+                    find_next(each, c, i, s, high)
+                    put_in_order(w, i)
+                else:
+                    strike(each, c, i, j, s, h)
+                    go_on(each, parts, c, i, s, high, t, h)
+                    go_on(each, parts, c, j, s, high, t, h)
+        conclude_ways(each, c, before)
+
+
+@outlined
+def some_swift(each: Any, c: Any, before: Any) -> bool:
+    """Whether a member moves relative to the mean of all so far that it may pass another one unseen."""
+    place, columns = each.near.place, (c.x, c.y, c.z)
+    number, least, mean = 0, np.inf, (0.0, 0.0, 0.0)
+    for i in range(place.size):
+        if place[i] >= 0:
+            number += 1
+            mean = moved_by(mean, 1.0, tuple(float(columns[k][i]) - float(before[k, i]) for k in range(3)))
+            r = float(c.r[i])
+            least = r if (r > 0) & (r < least) else least
+    mean, swift = moved_by((0.0, 0.0, 0.0), 1.0 / max(number, 1), mean), False
+    for i in range(place.size):
+        if place[i] >= 0:
+            d = tuple(float(columns[k][i]) - float(before[k, i]) - mean[k] for k in range(3))
+            size = 0.5 * FAST * (float(c.r[i]) + least)
+            swift = swift | (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > size * size)
+    return swift & (number > 1) & (least < np.inf)
+
+
+@outlined
+def choose(each: Any, c: Any) -> int:
+    """Choose those that are followed, and in how many laps: their mean way is one or some spaces between particles long in
+    each."""
+    w, number, least, mean = each.ways, 0, np.inf, (0.0, 0.0, 0.0)
+    low, high, total = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf), 0.0
+    for i in range(each.near.place.size):
+        if w.when[ENDS, i] > 0:
+            number += 1
+            x, y = place_at(w, i, w.when[BEGUN, i]), place_at(w, i, w.when[ENDS, i])
+            low, high = around(low, high, x)
+            mean = moved_by(moved_by(mean, 1.0, y), -1.0, x)
+            r = float(c.r[i])
+            least = r if (r > 0) & (r < least) else least
+    mean = moved_by((0.0, 0.0, 0.0), 1.0 / max(number, 1), mean)
+    for i in range(each.near.place.size):
+        if w.when[ENDS, i] > 0:
+            way = longest(w, i, mean)
+            if way > 0.5 * FAST * (float(c.r[i]) + least):
+                w.what[FOLLOWED, i] = 1
+            total += min(way, 1e300)
+    if number == 0:
+        return 1
+    space = max(high[0] - low[0], 0.0) * max(high[1] - low[1], 0.0) * max(high[2] - low[2], 0.0) / number
+    laps = 2.0 * total / number / max(space ** (1.0 / 3.0), 4.0 * least)
+    return int(min(max(laps, 1.0), float(MOST_LAPS)))
+
+
+def moved_by(x: Any, part: Any, y: Any) -> Any:
+    """A vector and a part of another one."""
+    return x[0] + part * y[0], x[1] + part * y[1], x[2] + part * y[2]
+
+
+def longest(w: Any, i: Any, mean: Any) -> Any:
+    """How far a particle would come in a step by the faster of its legs, relative to a mean way [m]."""
+    one, other = 0.0, 0.0
+    for axis in range(3):
+        one += (w.go[axis, i] - mean[axis]) * (w.go[axis, i] - mean[axis])
+        other += (w.on[axis, i] - mean[axis]) * (w.on[axis, i] - mean[axis])
+    return np.sqrt(max(one, other) if w.when[BEND, i] <= 1 else one)
+
+
+# ---- the queue: a heap, with the particle whose impact is next at its top
+
+
+@outlined
+def begin_lap(each: Any, c: Any, low: Any, high: Any) -> None:
+    """Queue all that are followed with their first impacts between two times."""
+    w = each.ways
+    w.number[SIZE] = 0
+    for i in range(w.queue.size):
+        w.what[SLOT, i] = 0
+        if w.what[FOLLOWED, i] > 0:
+            find_next(each, c, i, low, high)
+            put_in_order(w, i)
+
+
+@outlined
+def go_on(each: Any, parts: Any, c: Any, i: Any, s: Any, high: Any, t: Any, h: Any) -> None:
+    """Follow a particle from an impact at time s on."""
+    w = each.ways
+    w.what[FOLLOWED, i], w.number[STRUCK] = 1, 1
+    box_way(each, c, i, s, high)
+    find_wall(each, parts, c, i, t, h)
+    find_next(each, c, i, s, high)
+    put_in_order(w, i)
+
+
+def soonest(w: Any, i: Any) -> Any:
+    """The time of the next impact of a particle."""
+    return min(w.when[DUE, i], w.when[WALL, i])
+
+
+def comes_first(w: Any, i: Any, j: Any) -> Any:
+    """Whether the next impact of a particle is before that of another one."""
+    a, b = soonest(w, i), soonest(w, j)
+    return (a < b) | ((a == b) & (i < j))
+
+
+@outlined
+def put_in_order(w: Any, i: Any) -> None:
+    """Put a particle where it belongs in the queue after its next impact has changed; at the end if it has none."""
+    k = w.what[SLOT, i] - 1
+    if k < 0:
+        if soonest(w, i) == np.inf:
+            return
+        k = w.number[SIZE]
+        w.number[SIZE] += 1
+        put(w, k, i)
+    while k > 0 and comes_first(w, i, w.queue[(k - 1) // 2]):
+        put(w, k, w.queue[(k - 1) // 2])
+        k = (k - 1) // 2
+        put(w, k, i)
+    sinks = True
+    while sinks:
+        child = 2 * k + 1
+        if child + 1 < w.number[SIZE]:
+            child += 1 if comes_first(w, w.queue[child + 1], w.queue[child]) else 0
+        sinks = False
+        if child < w.number[SIZE]:
+            sinks = comes_first(w, w.queue[child], i)
+        if sinks:
+            put(w, k, w.queue[child])
+            k = child
+            put(w, k, i)
+
+
+def put(w: Any, k: Any, i: Any) -> None:
+    """Put a particle in place k of the queue."""
+    w.queue[k] = i
+    w.what[SLOT, i] = k + 1
+
+
+# ---- what comes of it
+
+
+@outlined
+def conclude_ways(each: Any, c: Any, before: Any) -> None:
+    """Give all that have been hit their places and velocities. In `before` they get the velocities with which they would
+    have come to these without impacts, so that what comes after does not take impacts for forces, until `restore`."""
+    w = each.ways
+    for i in range(each.near.place.size):
+        if (w.what[TURNED, i] > 0) & (each.a[i] > 0):
+            now = place_at(w, i, w.when[ENDS, i])
+            for axis, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
+                x[i], v[i] = type_of(x[i], now[axis]), type_of(v[i], w.speed[axis, i])
+                came = w.speed[axis, i] - w.force[axis, i]
+                w.image[axis, i] = came - float(before[3 + axis, i])
+                before[3 + axis, i] = type_of(x[i], came)
+            if c.spin is not None:
+                for axis, spin in enumerate((c.spin.wx, c.spin.wy, c.spin.wz)):
+                    spin[i] = type_of(spin[i], w.spin[axis, i])
+            if len(c.memory) > 0:  # what its method remembers no longer holds
+                c.memory[-1][i] = 0
+            each.bench.mark[i] = THROWN
+
+
+@outlined
+def restore(each: Any, before: Any) -> None:
+    """Take back from `before` what `conclude_ways` has added."""
+    w = each.ways
+    for i in range(each.near.place.size):
+        if (w.what[TURNED, i] > 0) & (each.a[i] > 0):
+            for axis in range(3):
+                came = float(before[3 + axis, i]) - w.image[axis, i]
+                before[3 + axis, i] = type_of(before[3 + axis, i], came)
