@@ -10,11 +10,11 @@ Two spheres meet when their distance d + g τ is the sum of their radii R: with 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import on_stack, outlined
+from particlesim.compiler import on_stack, outlined, shared
 from particlesim.engine.interactions.hard.ways import (
     BEGUN,
     BEND,
@@ -45,29 +45,49 @@ MOST_IMAGES = 8
 """Images of a periodic box in which a way is looked for, to each side."""
 
 
+class Field(NamedTuple):
+    """What a search needs to know, and no laws: the ways, inverse masses and radii of particles; of neighbour lists the
+    places of all, what to add to those for an image of the box, where a second set begins, and the periods of the box."""
+
+    ways: Any
+    a: Any
+    r: Any
+    place: Any
+    wrap: Any
+    split: Any
+    box: Any
+
+
+def field_of(each: Any, c: Any) -> Field:
+    """The same of hard contacts."""
+    near = each.near
+    return Field(each.ways, each.a, c.r, near.place, near.wrap, near.split, near.box)
+
+
 # ---- boxes
 
 
-@outlined
-def box_ways(each: Any, c: Any, low: Any, high: Any) -> None:
+@shared
+def box_ways(f: Any, low: Any, high: Any) -> None:
     """Boxes about the ways of all groups between two times, and about those of all nodes above."""
-    w = each.ways
-    sort_ways(each, 0.5 * (low + high))
+    w = f.ways
+    sort_ways(f, 0.5 * (low + high))
     for node in range(w.boxes.shape[1]):
         for axis in range(3):
             w.boxes[axis, node], w.boxes[3 + axis, node] = np.inf, -np.inf
     for place in range(w.order.size):
         if w.order[place] >= 0 and w.when[ENDS, w.order[place]] > low:
-            box_way(each, c, w.order[place], low, high)
+            box_way(f, w.order[place], low, high)
 
 
-def sort_ways(each: Any, s: Any) -> None:
+@outlined
+def sort_ways(f: Any, s: Any) -> None:
     """Put all members in order by the cells of a grid in which they are at a time, along Morton's curve."""
-    w, cells = each.ways, each.ways.cells
+    w, cells = f.ways, f.ways.cells
     low, high = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf)
     for i in range(w.place.size):
         if w.when[ENDS, i] > 0:
-            x = seen_at(each, i, s)
+            x = seen_at(f, i, s)
             low, high = around(low, high, x)
     side = 1
     while 8 * side * side * side < cells.size:
@@ -77,7 +97,7 @@ def sort_ways(each: Any, s: Any) -> None:
         cells[k] = 0
     for i in range(w.place.size):
         if w.when[ENDS, i] > 0:
-            x, cell, bit = seen_at(each, i, s), 0, 0
+            x, cell, bit = seen_at(f, i, s), 0, 0
             x = tuple(int(min((x[k] - low[k]) * by[k], side - 1.0)) for k in range(3))
             while 1 << bit < side:
                 for k in range(3):
@@ -104,21 +124,22 @@ def around(low: Any, high: Any, x: Any) -> Any:
     )
 
 
-def seen_at(each: Any, i: Any, s: Any) -> Any:
+def seen_at(f: Any, i: Any, s: Any) -> Any:
     """Where a particle is at a time, or was born or has died, in the image of the box in which others are."""
-    w = each.ways
+    w = f.ways
     x = place_at(w, i, min(max(s, w.when[BEGUN, i]), w.when[ENDS, i]))
-    return x[0] + wrap_of(each, i, 0), x[1] + wrap_of(each, i, 1), x[2] + wrap_of(each, i, 2)
+    return x[0] + wrap_of(f, i, 0), x[1] + wrap_of(f, i, 1), x[2] + wrap_of(f, i, 2)
 
 
-def wrap_of(each: Any, i: Any, axis: Any) -> Any:
+def wrap_of(f: Any, i: Any, axis: Any) -> Any:
     """What to add to a place of particle i for that image along an axis [m]."""
-    return 0.0 if each.near.wrap is None else float(each.near.wrap[axis, each.near.place[i]])
+    return 0.0 if f.wrap is None else float(f.wrap[axis, f.place[i]])
 
 
-def box_way(each: Any, c: Any, i: Any, low: Any, high: Any) -> None:
+@shared
+def box_way(f: Any, i: Any, low: Any, high: Any) -> None:
     """Widen the boxes that a particle is in so that they hold its way between two times."""
-    w = each.ways
+    w = f.ways
     legs = 2 if w.when[BEND, i] < high else 1
     for leg in range(legs):
         begin = max(low, w.when[BEGUN, i])
@@ -128,10 +149,10 @@ def box_way(each: Any, c: Any, i: Any, low: Any, high: Any) -> None:
         if end >= begin:
             begun, x, go = leg_of(w, i, begin)
             for axis in range(3):
-                wrap = wrap_of(each, i, axis)
+                wrap = wrap_of(f, i, axis)
                 one = x[axis] + (begin - begun) * go[axis] + wrap
                 other = x[axis] + (end - begun) * go[axis] + wrap
-                more = float(c.r[i]) + WIDER * (abs(one) + abs(other))
+                more = float(f.r[i]) + WIDER * (abs(one) + abs(other))
                 widen(w, axis, w.place[i] // GROUP, min(one, other) - more, max(one, other) + more)
 
 
@@ -148,13 +169,13 @@ def widen(w: Any, axis: Any, group: Any, low: Any, high: Any) -> None:
 # ---- two on their ways
 
 
-def meets_at(each: Any, c: Any, i: Any, j: Any, image: Any, low: Any, high: Any) -> float:
+def meets_at(f: Any, i: Any, j: Any, image: Any, low: Any, high: Any) -> float:
     """When particle i, on one leg between two times, meets particle j, displaced by an image; infinite if it does not."""
-    w, best = each.ways, np.inf
+    w, best = f.ways, np.inf
     begin, last = max(low, w.when[BEGUN, j]), min(high, w.when[ENDS, j])
     while (begin < last) & (best == np.inf):
         end = min(last, w.when[BEND, j]) if begin < w.when[BEND, j] else last
-        best = meet_between(w, i, j, image, begin, end, float(c.r[i]) + float(c.r[j]))
+        best = meet_between(w, i, j, image, begin, end, float(f.r[i]) + float(f.r[j]))
         begin = end
     return float(best)
 
@@ -185,36 +206,36 @@ def meet_between(w: Any, i: Any, j: Any, image: Any, low: Any, high: Any, reach:
 # ---- the next impact of one
 
 
-@outlined
-def find_next(each: Any, c: Any, i: Any, now: Any, high: Any) -> None:
+@shared
+def find_next(f: Any, i: Any, now: Any, high: Any) -> None:
     """Find the first impact of particle i between two times."""
-    w = each.ways
+    w = f.ways
     w.when[DUE, i] = np.inf
     low, end = max(now, w.when[BEGUN, i]), min(high, w.when[ENDS, i])
     if w.when[BEND, i] < end:
         if low < w.when[BEND, i]:
-            look_along(each, c, i, low, w.when[BEND, i])
+            look_along(f, i, low, w.when[BEND, i])
         low = max(low, w.when[BEND, i])
     if (low < end) & (w.when[DUE, i] == np.inf):
-        look_along(each, c, i, low, end)
+        look_along(f, i, low, end)
 
 
 @outlined
-def look_along(each: Any, c: Any, i: Any, low: Any, high: Any) -> None:
+def look_along(f: Any, i: Any, low: Any, high: Any) -> None:
     """Find the first impact of particle i on a leg between two times, in all images of the box."""
-    w = each.ways
+    w = f.ways
     begun, x, go = leg_of(w, i, low)
     by = low - begun
     x = (x[0] + by * go[0], x[1] + by * go[1], x[2] + by * go[2])
-    if each.near.box is None:
-        walk(each, c, i, x, go, (0.0, 0.0, 0.0), low, high)
+    if f.box is None:
+        walk(f, i, x, go, (0.0, 0.0, 0.0), low, high)
     else:
-        x = tuple(x[axis] + wrap_of(each, i, axis) for axis in range(3))
-        first, last = images_of(each, x, go, float(c.r[i]), high - low)
+        x = tuple(x[axis] + wrap_of(f, i, axis) for axis in range(3))
+        first, last = images_of(f, x, go, float(f.r[i]), high - low)
         for a in range(first[0], last[0] + 1):
             for b in range(first[1], last[1] + 1):
                 for d in range(first[2], last[2] + 1):
-                    walk(each, c, i, x, go, shift_of(each.near.box, (a, b, d)), low, high)
+                    walk(f, i, x, go, shift_of(f.box, (a, b, d)), low, high)
 
 
 def shift_of(box: Any, steps: Any) -> Any:
@@ -222,13 +243,13 @@ def shift_of(box: Any, steps: Any) -> Any:
     return tuple(0.0 if period is None else period * step for period, step in zip(box, steps, strict=True))
 
 
-def images_of(each: Any, x: Any, go: Any, r: Any, lasts: Any) -> Any:
+def images_of(f: Any, x: Any, go: Any, r: Any, lasts: Any) -> Any:
     """By how many periods a way may be displaced, at least and at most, along each axis, to come near to some member."""
     found = tuple(
         (0, 0)
         if period is None
-        else images_along(each.ways, axis, period, x[axis], x[axis] + lasts * go[axis], r)
-        for axis, period in enumerate(each.near.box)
+        else images_along(f.ways, axis, period, x[axis], x[axis] + lasts * go[axis], r)
+        for axis, period in enumerate(f.box)
     )
     return tuple(each[0] for each in found), tuple(each[1] for each in found)
 
@@ -244,11 +265,11 @@ def images_along(w: Any, axis: Any, period: Any, one: Any, other: Any, r: Any) -
 
 
 @outlined
-def walk(each: Any, c: Any, i: Any, x: Any, go: Any, shift: Any, low: Any, high: Any) -> None:
+def walk(f: Any, i: Any, x: Any, go: Any, shift: Any, low: Any, high: Any) -> None:
     """Look at all members whose boxes a way comes near to, displaced by a shift, and keep the first that it meets."""
-    w, levels = each.ways, each.ways.levels
+    w, levels = f.ways, f.ways.levels
     waiting = on_stack(1, 8 * DEEPEST, np.int64)[0]
-    x, r = (x[0] + shift[0], x[1] + shift[1], x[2] + shift[2]), float(c.r[i])
+    x, r = (x[0] + shift[0], x[1] + shift[1], x[2] + shift[2]), float(f.r[i])
     waiting[0], top = (levels.size - 1) << LEVEL_SHIFT, 1
     while top > 0:
         top -= 1
@@ -260,7 +281,7 @@ def walk(each: Any, c: Any, i: Any, x: Any, go: Any, shift: Any, low: Any, high:
                     waiting[top] = level << LEVEL_SHIFT | child + k
                     top += 1
                 else:
-                    look_at_group(each, c, i, child + k, shift, low, high)
+                    look_at_group(f, i, child + k, shift, low, high)
 
 
 def comes_near(boxes: Any, node: Any, x: Any, go: Any, r: Any, lasts: Any) -> Any:
@@ -276,14 +297,14 @@ def comes_near(boxes: Any, node: Any, x: Any, go: Any, r: Any, lasts: Any) -> An
     return enters <= leaves * (1 + WIDER)
 
 
-def look_at_group(each: Any, c: Any, i: Any, group: Any, shift: Any, low: Any, high: Any) -> None:
+def look_at_group(f: Any, i: Any, group: Any, shift: Any, low: Any, high: Any) -> None:
     """Keep the first of a group that a particle meets; of those that it meets at once the one with the smallest row."""
-    w = each.ways
+    w = f.ways
     for place in range(GROUP * group, GROUP * group + GROUP):
         j = w.order[place]
-        if j >= 0 and may_meet(each, i, j):
-            image = image_of(each, i, j, shift)
-            s = meets_at(each, c, i, j, image, low, high)
+        if j >= 0 and may_meet(f, i, j):
+            image = image_of(f, i, j, shift)
+            s = meets_at(f, i, j, image, low, high)
             sooner = s < w.when[DUE, i]
             if sooner | ((s == w.when[DUE, i]) & (s < np.inf) & (j < w.what[PARTNER, i])):
                 w.when[DUE, i], w.what[PARTNER, i], w.what[SEEN, i] = s, j, w.what[TURNED, j]
@@ -291,23 +312,23 @@ def look_at_group(each: Any, c: Any, i: Any, group: Any, shift: Any, low: Any, h
                     w.image[axis, i] = image[axis]
 
 
-def may_meet(each: Any, i: Any, j: Any) -> Any:
+def may_meet(f: Any, i: Any, j: Any) -> Any:
     """Whether two members act on each other at all."""
-    w, place = each.ways, each.near.place
-    allowed = (i != j) & (each.a[i] + each.a[j] > 0)
+    w, place = f.ways, f.place
+    allowed = (i != j) & (f.a[i] + f.a[j] > 0)
     allowed = allowed & (w.what[IMPACTS, i] < MOST) & (w.what[IMPACTS, j] < MOST)
-    if each.near.split is not None:
-        second = -(-each.near.split // GROUP) * GROUP
+    if f.split is not None:
+        second = -(-f.split // GROUP) * GROUP
         allowed = allowed & ((place[i] < second) != (place[j] < second))
     return allowed
 
 
-def image_of(each: Any, i: Any, j: Any, shift: Any) -> Any:
+def image_of(f: Any, i: Any, j: Any, shift: Any) -> Any:
     """What to add to the difference of the places of two for an image, whole periods [m]."""
-    if each.near.box is None:
+    if f.box is None:
         return 0.0, 0.0, 0.0
-    found = tuple(shift[axis] + wrap_of(each, i, axis) - wrap_of(each, j, axis) for axis in range(3))
+    found = tuple(shift[axis] + wrap_of(f, i, axis) - wrap_of(f, j, axis) for axis in range(3))
     return tuple(
         0.0 if period is None else period * np.rint(by / period)
-        for period, by in zip(each.near.box, found, strict=True)
+        for period, by in zip(f.box, found, strict=True)
     )

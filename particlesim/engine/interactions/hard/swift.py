@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.compiler import outlined
+from particlesim.compiler import outlined, shared
 from particlesim.engine.interactions.hard.bench import THROWN
 from particlesim.engine.interactions.hard.blows import find_wall, hit_wall, strike
-from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next
+from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, field_of, find_next
 from particlesim.engine.interactions.hard.thrown import bend_ways
 from particlesim.engine.interactions.hard.ways import (
     BEGUN,
@@ -53,10 +53,11 @@ def hasten(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         begin_ways(each, c, before, t, h)
         bend_ways(each, parts, c, before, t, h)
         laps = choose(each, c)
+        f = field_of(each, c)
         for lap in range(laps):
             low, high = float(lap) / laps, float(lap + 1) / laps
-            box_ways(each, c, low, high)
-            begin_lap(each, c, low, high)
+            box_ways(f, low, high)
+            begin_lap(f, low, high)
             while w.number[SIZE] > 0 and soonest(w, w.queue[0]) <= high:
                 i = w.queue[0]
                 s, j = soonest(w, i), w.what[PARTNER, i]
@@ -64,7 +65,7 @@ def hasten(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
                     hit_wall(each, parts, c, i, t, h)
                     go_on(each, parts, c, i, s, high, t, h)
                 elif w.what[SEEN, i] != w.what[TURNED, j]:  # the other has taken another way since
-                    find_next(each, c, i, s, high)
+                    find_next(f, i, s, high)
                     put_in_order(w, i)
                 else:
                     strike(each, c, i, j, s, h)
@@ -138,26 +139,26 @@ def longest(w: Any, i: Any, mean: Any) -> Any:
 # ---- the queue: a heap, with the particle whose impact is next at its top
 
 
-@outlined
-def begin_lap(each: Any, c: Any, low: Any, high: Any) -> None:
+@shared
+def begin_lap(f: Any, low: Any, high: Any) -> None:
     """Queue all that are followed with their first impacts between two times."""
-    w = each.ways
+    w = f.ways
     w.number[SIZE] = 0
     for i in range(w.queue.size):
         w.what[SLOT, i] = 0
         if w.what[FOLLOWED, i] > 0:
-            find_next(each, c, i, low, high)
+            find_next(f, i, low, high)
             put_in_order(w, i)
 
 
 @outlined
 def go_on(each: Any, parts: Any, c: Any, i: Any, s: Any, high: Any, t: Any, h: Any) -> None:
     """Follow a particle from an impact at time s on."""
-    w = each.ways
+    w, f = each.ways, field_of(each, c)
     w.what[FOLLOWED, i], w.number[STRUCK] = 1, 1
-    box_way(each, c, i, s, high)
+    box_way(f, i, s, high)
     find_wall(each, parts, c, i, t, h)
-    find_next(each, c, i, s, high)
+    find_next(f, i, s, high)
     put_in_order(w, i)
 
 
@@ -172,7 +173,7 @@ def comes_first(w: Any, i: Any, j: Any) -> Any:
     return (a < b) | ((a == b) & (i < j))
 
 
-@outlined
+@shared
 def put_in_order(w: Any, i: Any) -> None:
     """Put a particle where it belongs in the queue after its next impact has changed; at the end if it has none."""
     k = w.what[SLOT, i] - 1

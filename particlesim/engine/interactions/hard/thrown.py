@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.compiler import outlined
+from particlesim.compiler import outlined, shared
 from particlesim.engine.interactions.hard.walls import colliders_of, speed_along, whole
 from particlesim.engine.interactions.hard.ways import ENDS, THROWN, bend_of, bend_way
 from particlesim.engine.state.columns import fetch, type_of
@@ -27,33 +27,40 @@ LEFT = 1e-9
 def bend_ways(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """Bend the ways of all members that have been thrown back in a step of h that ends at time t."""
     for part in parts:
-        for collider in colliders_of(part):
-            find_thrown(each, collider, part.forces, c, before, t, h, part.first, part.last)
+        note_kicks(each, part.forces, c, t, h, part.first, part.last)
     for part in parts:
-        bend_thrown(each, part.forces, c, t, h, part.first, part.last)
+        for collider in colliders_of(part):
+            find_thrown(each, collider, c, before, t, h, part.first, part.last)
+    bend_thrown(each.ways, h)
 
 
 @outlined
-def find_thrown(
-    each: Any, collider: Any, forces: Any, c: Any, before: Any, t: Any, h: Any, first: Any, last: Any
-) -> None:
+def note_kicks(each: Any, forces: Any, c: Any, t: Any, h: Any, first: Any, last: Any) -> None:
+    """By how much forces that act on particles [first, last) alone change their velocities in the step, into `image`."""
+    w = each.ways
+    for i in range(first, last):
+        x, y, z = force(forces, fetch(c, i, t)) if len(forces) > 0 else (0.0, 0.0, 0.0)
+        by = float(h) * float(each.a[i])
+        w.image[0, i], w.image[1, i], w.image[2, i] = by * float(x), by * float(y), by * float(z)
+
+
+@outlined
+def find_thrown(each: Any, collider: Any, c: Any, before: Any, t: Any, h: Any, first: Any, last: Any) -> None:
     """Find those of particles [first, last) that a collider has thrown back."""
     w = each.ways
     for i in range(first, last):
         if (w.when[ENDS, i] > 0) & (each.a[i] > 0) & (w.what[THROWN, i] == 0):
-            p = fetch(c, i, t)
-            u, v = (before[3, i], before[4, i], before[5, i]), (p.vx, p.vy, p.vz)
-            g, axes = gap_and_normal(collider.shape, p)
-            far = h * (size_of(u) + size_of(v))
-            if g <= far:
-                thrown = leaves(collider, p, u, whole(axes, g))
-                part, middle = bend_of(w, i, h, kick_of(each, forces, i, p, h))
-                if (not thrown) & (part > 0):
-                    x = tuple(type_of(p.x, w.at[axis, i] + middle[axis]) for axis in range(3))
-                    q = moved_to(p, x[0], x[1], x[2], p.vx, p.vy, p.vz, p.t)
-                    g, axes = gap_and_normal(collider.shape, q)
-                    thrown = (g < type_of(g, CLOSE) * p.r) & leaves(collider, q, u, whole(axes, g))
-                w.what[THROWN, i] = 1 if thrown else 0
+            p, u = fetch(c, i, t), (before[3, i], before[4, i], before[5, i])
+            x, far, looks, thrown = (p.x, p.y, p.z), h * (size_of(u) + size_of((p.vx, p.vy, p.vz))), 0, False
+            while looks < 2:  # where it ends, and at the bend
+                q = moved_to(p, x[0], x[1], x[2], p.vx, p.vy, p.vz, p.t)
+                g, axes = gap_and_normal(collider.shape, q)
+                thrown = (g <= far) & leaves(collider, q, u, whole(axes, g))
+                part, middle = bend_of(w, i, h)
+                looks = looks + 1 if (g <= far) & (not thrown) & (part > 0) else 2
+                x = tuple(type_of(p.x, w.at[axis, i] + middle[axis]) for axis in range(3))
+                far = type_of(far, CLOSE) * p.r
+            w.what[THROWN, i] = 1 if thrown else 0
 
 
 def size_of(v: Any) -> Any:
@@ -68,19 +75,9 @@ def leaves(collider: Any, p: Any, u: Any, n: Any) -> Any:
     return (came < 0) & (p.vx * n[0] + p.vy * n[1] + p.vz * n[2] - along >= type_of(came, LEFT) * came)
 
 
-@outlined
-def bend_thrown(each: Any, forces: Any, c: Any, t: Any, h: Any, first: Any, last: Any) -> None:
-    """Bend the ways of those of particles [first, last) that have been thrown back."""
-    w = each.ways
-    for i in range(first, last):
+@shared
+def bend_thrown(w: Any, h: Any) -> None:
+    """Bend the ways of all that have been thrown back."""
+    for i in range(w.queue.size):
         if w.what[THROWN, i] > 0:
-            bend_way(w, i, h, kick_of(each, forces, i, fetch(c, i, t), h))
-
-
-def kick_of(each: Any, forces: Any, i: Any, p: Any, h: Any) -> Any:
-    """By how much forces that act on a particle alone change its velocity in a step of h [m/s]."""
-    if len(forces) == 0:
-        return 0.0, 0.0, 0.0
-    x, y, z = force(forces, p)
-    by = float(h) * float(each.a[i])
-    return by * float(x), by * float(y), by * float(z)
+            bend_way(w, i, h)

@@ -128,14 +128,14 @@ def begin_way(each: Any, c: Any, before: Any, i: Any, t: Any, h: Any) -> None:
             w.what[THROWN, i] = 1
 
 
-def bend_of(w: Any, i: Any, h: Any, force: Any) -> Any:
+def bend_of(w: Any, i: Any, h: Any) -> Any:
     """The part of its time after which the way of a particle bends if it has been thrown back in a step of h, less than 0 if
-    its legs do not meet; where it bends, from where it begins [m]. `force`: what forces change its velocity by in the step
-    [m/s]; so the first leg leads where it would have come, and the second one comes from where it would have begun."""
+    its legs do not meet; and where it bends, from where it begins [m]. In `image` is what forces change its velocity by in a
+    step: so the first leg leads where it would have come, and the second one comes from where it would have begun."""
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     long, half = lasts * float(h), 0.5 * lasts
-    u = tuple(w.first[axis, i] + half * force[axis] for axis in range(3))
-    v = tuple(w.speed[axis, i] - half * force[axis] for axis in range(3))
+    u = tuple(w.first[axis, i] + half * w.image[axis, i] for axis in range(3))
+    v = tuple(w.speed[axis, i] - half * w.image[axis, i] for axis in range(3))
     # from where the second leg is to where the first one is at a time τ: e + τ d
     d = tuple(long * (u[axis] - v[axis]) for axis in range(3))
     e = tuple(long * v[axis] - lasts * w.go[axis, i] for axis in range(3))
@@ -147,10 +147,9 @@ def bend_of(w: Any, i: Any, h: Any, force: Any) -> Any:
     return (-1.0 if astray | (part <= 0) | (part >= 1) else part), middle
 
 
-def bend_way(w: Any, i: Any, h: Any, force: Any) -> None:
-    """Bend the way of a particle that has been thrown back in a step of h, in which forces change its velocity by `force`
-    and not by what it has changed."""
-    part, middle = bend_of(w, i, h, force)
+def bend_way(w: Any, i: Any, h: Any) -> None:
+    """Bend the way of a particle that has been thrown back in a step of h, and change its velocity by what is in `image`."""
+    part, middle = bend_of(w, i, h)
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     if part > 0:
         for axis in range(3):
@@ -159,8 +158,8 @@ def bend_way(w: Any, i: Any, h: Any, force: Any) -> None:
             w.go[axis, i], w.on[axis, i] = middle[axis] / (part * lasts), rest / ((1.0 - part) * lasts)
         w.when[BEND, i] = w.when[BEGUN, i] + part * lasts
     for axis in range(3):
-        w.force[axis, i] = force[axis]
-        w.first[axis, i] += lasts * force[axis]
+        w.force[axis, i] = w.image[axis, i]
+        w.first[axis, i] += lasts * w.force[axis, i]
 
 
 def leg_of(w: Any, i: Any, s: Any) -> Any:
