@@ -69,6 +69,7 @@ class Balls:
 
 @pytest.mark.parametrize(("e", "periodic"), [(1.0, False), (0.6, True)])
 def test_impacts_are_those_of_exact_events(e: float, periodic: bool) -> None:
+    """In a periodic box of two groups, with a contact of their own for each and one between both."""
     rng, n, duration = np.random.default_rng(4), 24, 0.2
     m, r, x = rng.uniform(0.5, 2, n), rng.uniform(0.03, 0.12, n), np.empty((0, 3))
     while len(x) < n:
@@ -83,8 +84,23 @@ def test_impacts_are_those_of_exact_events(e: float, periodic: bool) -> None:
     reference = Balls(x, v, m, r, e, np.array(list(product(reach, repeat=3)), float))
     reference.advance(duration)
     assert reference.impacts > 10
-    balls = points(*map(tuple, x), velocity=v.tolist(), mass=m.tolist(), radius=r.tolist())
-    scenario = table(duration, duration / 2, particles=[balls], interactions=[hard(restitution=e)])
+    groups = [
+        points(
+            *map(tuple, x[some]),
+            velocity=v[some].tolist(),
+            mass=m[some].tolist(),
+            radius=r[some].tolist(),
+            name=name,
+        )
+        for name, some in (("a", slice(0, 10)), ("b", slice(10, n)))
+    ]
+    law, some = (
+        hard(restitution=e),
+        [{"on": ["a"]}, {"on": ["b"]}, {"between": ["a", "b"]}] if periodic else [{}],
+    )
+    scenario = table(
+        duration, duration / 2, particles=groups, interactions=[{**law, **each} for each in some]
+    )
     if periodic:
         scenario["simulation"]["box"] = {"size": [1.0, 1.0, 1.0], "periodic": [True, True, True]}
     found = ps.run(ps.from_table(scenario))

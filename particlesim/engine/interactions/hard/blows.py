@@ -66,7 +66,7 @@ def add(rows: Any, i: Any, part: Any, v: Any) -> None:
 def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
     """The impact of particles i and j at time s of a step of h."""
     w, law = each.ways, each.law
-    wi, wj, both = float(each.a[i]), float(each.a[j]), float(each.a[i]) + float(each.a[j])
+    wi, wj, both = w.light[i], w.light[j], w.light[i] + w.light[j]
     image = row(w.image, i)
     stand_at(w, i, s)
     stand_at(w, j, s)
@@ -88,38 +88,36 @@ def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
         t = rub(each, c, i, j, n, u, far, change)
         x, y, z = x + t[0], y + t[1], z + t[2]
     if both > 0:
-        push(each, i, wi / both, (x, y, z), h)
-        push(each, j, -wj / both, (x, y, z), h)
-        tire(each, i, s)
-        tire(each, j, s)
-        book(each.fed, keep_off(each, i, j, n, s) * max(-pressed, 0.0) / (both * float(h)))
+        push(w, i, wi / both, (x, y, z), h)
+        push(w, j, -wj / both, (x, y, z), h)
+        tire(w, each.fed, i, s)
+        tire(w, each.fed, j, s)
+        book(each.fed, keep_off(w, i, j, n, s) * max(-pressed, 0.0) / (both * float(h)))
 
 
-def push(each: Any, i: Any, part: Any, change: Any, h: Any) -> None:
+def push(w: Any, i: Any, part: Any, change: Any, h: Any) -> None:
     """Change the velocity of a particle and its way, unless that has come to its end."""
-    add(each.ways.speed, i, part, change)
-    if each.ways.what[IMPACTS, i] < MOST_IMPACTS:
-        add(each.ways.go, i, part * float(h), change)
+    add(w.speed, i, part, change)
+    if w.what[IMPACTS, i] < MOST_IMPACTS:
+        add(w.go, i, part * float(h), change)
 
 
-def tire(each: Any, i: Any, s: Any) -> None:
+def tire(w: Any, fed: Any, i: Any, s: Any) -> None:
     """Count an impact of a particle, which stays where it is if it has had too many."""
-    w = each.ways
     w.what[IMPACTS, i] += 1
-    if (w.what[IMPACTS, i] == MOST_IMPACTS) & (each.a[i] > 0):
+    if (w.what[IMPACTS, i] == MOST_IMPACTS) & (w.light[i] > 0):
         stay(w, i, s)
-        each.fed[1] += 1.0
+        fed[1] += 1.0
 
 
-def keep_off(each: Any, i: Any, j: Any, n: Any, s: Any) -> Any:
+def keep_off(w: Any, i: Any, j: Any, n: Any, s: Any) -> Any:
     """Turn the ways of two so that they do not lead into each other; how far that takes them apart in the step [m]. One that
     stays where it is moves only for what nothing moves."""
-    w = each.ways
     into = dot(row(w.go, j), n) - dot(row(w.go, i), n)
     if into > 0:
-        mine = float(each.a[i]) if w.what[IMPACTS, i] < MOST_IMPACTS else 0.0
-        other = float(each.a[j]) if w.what[IMPACTS, j] < MOST_IMPACTS else 0.0
-        mine, other = (mine, other) if mine + other > 0 else (float(each.a[i]), float(each.a[j]))
+        mine = w.light[i] if w.what[IMPACTS, i] < MOST_IMPACTS else 0.0
+        other = w.light[j] if w.what[IMPACTS, j] < MOST_IMPACTS else 0.0
+        mine, other = (mine, other) if mine + other > 0 else (w.light[i], w.light[j])
         add(w.go, i, into * mine / (mine + other), n)
         add(w.go, j, -into * other / (mine + other), n)
         return into * (1.0 - s)
@@ -132,51 +130,48 @@ def rub(each: Any, c: Any, i: Any, j: Any, n: Any, u: Any, far: Any, change: Any
     w, friction = each.ways, each.law.friction
     along = dot(u, n)
     slip, share = (u[0] - along * n[0], u[1] - along * n[1], u[2] - along * n[2]), 1.0
-    ri, rj, both = float(c.r[i]), float(c.r[j]), float(each.a[i]) + float(each.a[j])
+    ri, rj, both = float(c.r[i]), float(c.r[j]), w.light[i] + w.light[j]
     arm = far / (ri + rj)
     if c.spin is not None:
         a, b = row(w.spin, i), row(w.spin, j)
         turning = cross(tuple(ri * a[k] + rj * b[k] for k in range(3)), n)
         slip = tuple(slip[k] - arm * turning[k] for k in range(3))
-        light = (float(each.a[i]) if ri > 0 else 0.0) + (
-            float(each.a[j]) if rj > 0 else 0.0
-        )  # points do not turn
+        light = (w.light[i] if ri > 0 else 0.0) + (w.light[j] if rj > 0 else 0.0)  # points do not turn
         share = both / (both + 2.5 * arm * arm * light)
     for axis in range(3):
         w.held[axis, 0] = 0.0
     t = held_by(w.held, 0, slip, share, change, float(friction.static), float(friction.kinetic))
     if c.spin is not None:
         turn = cross(n, (-t[0], -t[1], -t[2]))
-        add(w.spin, i, 2.5 * arm * float(each.a[i]) / (both * ri) if ri > 0 else 0.0, turn)
-        add(w.spin, j, 2.5 * arm * float(each.a[j]) / (both * rj) if rj > 0 else 0.0, turn)
+        add(w.spin, i, 2.5 * arm * w.light[i] / (both * ri) if ri > 0 else 0.0, turn)
+        add(w.spin, j, 2.5 * arm * w.light[j] / (both * rj) if rj > 0 else 0.0, turn)
     return t
 
 
 # ---- colliders
 
 
-def find_wall(each: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
+def find_wall(w: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
     """Find out when a particle comes to a collider on its way, which it has not gone before."""
-    w, k = each.ways, 0
+    k = 0
     w.when[WALL, i] = np.inf
     for part in parts:
         for collider in colliders_of(part):
-            if (part.first <= i) & (i < part.last) & (each.a[i] > 0):
-                soonest = wall_ahead(each, collider, c, i, t, h)
+            if (part.first <= i) & (i < part.last) & (w.light[i] > 0):
+                soonest = wall_ahead(w, collider, c, i, t, h)
                 if soonest < w.when[WALL, i]:
                     w.when[WALL, i], w.what[SIDE, i] = soonest, k
             k += 1
 
 
 @outlined
-def wall_ahead(each: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) -> float:
+def wall_ahead(w: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) -> float:
     """When a particle comes to a collider: it goes as far as that is away at least, again and again."""
-    w = each.ways
     s, go, r, stride = w.when[BEGUN, i], row(w.go, i), float(c.r[i]), 0
     own = np.sqrt(dot(go, go))
     while (s < w.when[ENDS, i]) & (stride < MOST_STRIDES) & (own > 0):
-        g, axes = look_from(each, collider, c, i, s, t, h)
-        x, fast = pace_of(collider, on_way(each, c, i, s, t, h), h)
+        g, axes = look_from(w, collider, c, i, s, t, h)
+        x, fast = pace_of(collider, on_way(w, c, i, s, t, h), h)
         fast, n = fast + own, whole(axes, g)
         rate = dot((go[0] - x[0], go[1] - x[1], go[2] - x[2]), n)
         closes = rate < -ROUNDING * fast
@@ -200,56 +195,56 @@ def pace_of(collider: Any, p: Any, h: Any) -> Any:
     return x, np.sqrt(dot(x, x)) + turns * h * way
 
 
-def look_from(each: Any, collider: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> Any:
+def look_from(w: Any, collider: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> Any:
     """The gap to a collider, and its normal, at time s of the way of a particle."""
-    return gap_and_normal(collider.shape, on_way(each, c, i, s, t, h))
+    return gap_and_normal(collider.shape, on_way(w, c, i, s, t, h))
 
 
-def on_way(each: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> Any:
+def on_way(w: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> Any:
     """A particle at time s of its way."""
-    x, v = place_at(each.ways, i, s), velocity_at(each.ways, i, s)
+    x, v = place_at(w, i, s), velocity_at(w, i, s)
     p = with_radius(fetch(c, i, t), float(c.r[i]))
     return moved_to(p, x[0], x[1], x[2], v[0], v[1], v[2], t - (1.0 - s) * float(h))
 
 
-def hit_wall(each: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
+def hit_wall(w: Any, fed: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
     """The impact of a particle on the collider that is next on its way."""
-    w, k = each.ways, 0
+    k = 0
     for part in parts:
         for collider in colliders_of(part):
             if k == w.what[SIDE, i]:
-                bounce_off(each, collider, c, i, t, h)
+                bounce_off(w, fed, collider, c, i, t, h)
             k += 1
 
 
 @outlined
-def bounce_off(each: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) -> None:
+def bounce_off(w: Any, fed: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) -> None:
     """The rebound of a particle from a collider. It stays there until the end of the step, and meets it in the next one, if
     that moves, somebody hears of impacts, or it is to stick or to vanish."""
-    w, s, response = each.ways, each.ways.when[WALL, i], collider.response
+    s, response = w.when[WALL, i], collider.response
     stand_at(w, i, s)
     known = not isinstance(collider.shape, MovingRecord) and response.heard is None
     if known & (w.what[IMPACTS, i] < MOST_IMPACTS - 1) and response.outcome == PASS:
-        p = on_way(each, c, i, s, t, h)
+        p = on_way(w, c, i, s, t, h)
         g, axes = gap_and_normal(collider.shape, p)
         n = whole(axes, g)
         approach = dot((p.vx, p.vy, p.vz), n)
-        change = rebounded(each, collider, c, i, p, axes, n, approach)
+        change = rebounded(w, collider, c, i, p, axes, n, approach)
         if approach < 0:
             add(w.speed, i, 1.0, change)
             add(w.go, i, float(h), change)
         w.what[IMPACTS, i] += 1
         into = max(-dot(row(w.go, i), n), 0.0)
         add(w.go, i, into, n)
-        book(each.fed, into * (1.0 - s) * max(-dot(row(w.force, i), n), 0.0) / (float(each.a[i]) * float(h)))
+        book(fed, into * (1.0 - s) * max(-dot(row(w.force, i), n), 0.0) / (w.light[i] * float(h)))
     else:
-        tire(each, i, s)
+        tire(w, fed, i, s)
         stay(w, i, s)
 
 
-def rebounded(each: Any, collider: Any, c: Any, i: Any, p: Any, axes: Any, n: Any, approach: Any) -> Any:
+def rebounded(w: Any, collider: Any, c: Any, i: Any, p: Any, axes: Any, n: Any, approach: Any) -> Any:
     """By how much the velocity of a particle changes in an impact on a collider that rests, which may turn it [m/s]."""
-    response, w = collider.response, each.ways
+    response = collider.response
     if c.spin is None or response.friction is None:
         v = rebound(response, axes, approach, p)
         return v[0] - p.vx, v[1] - p.vy, v[2] - p.vz

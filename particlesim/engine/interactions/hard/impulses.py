@@ -55,7 +55,7 @@ from particlesim.engine.interactions.hard.memory import (
     take_back,
     with_room,
 )
-from particlesim.engine.interactions.hard.swift import hasten, restore
+from particlesim.engine.interactions.hard.swift import hasten
 from particlesim.engine.interactions.hard.turns import (
     SETTLED,
     give_impulses,
@@ -72,7 +72,7 @@ from particlesim.engine.interactions.hard.walls import (
     rub_walls,
     watch_walls,
 )
-from particlesim.engine.interactions.hard.ways import STRUCK, Ways, new_ways
+from particlesim.engine.interactions.hard.ways import Ways, new_ways
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.lifting import book, lifted, stored
 from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near_pairs_of
@@ -89,6 +89,8 @@ TURNS, MOST_TURNS, ROUGHLY_SETTLED = 20, 60, 0.02
 """Turns through all pairs in a step at most; how many there may be while approaches are not settled even roughly, to this
 part of the largest that forces have brought about, in the root mean square. What is left is solved at once, or goes on in
 the next step."""
+ONE, OTHER, MEETS = 1, 2, 2
+"""Bits of the two sides, and by how many those are above them which a side meets."""
 MOST_ROUNDS = 2
 """Rounds of impulses found at once and their friction, each of which changes what the other needs."""
 
@@ -96,7 +98,8 @@ MOST_ROUNDS = 2
 class ImpulseColumns(NamedTuple):
     """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, a report; the energy that moving
     particles apart has given them so far [J], and how often one has had too many impacts in a step [2]; what contacts at
-    rest have been given, and the ways of swift particles."""
+    rest have been given. The ways of swift particles, which all of an island have in common; on which side of the contacts
+    particles are [n]: bits of what they are, and two bits above them of what they meet."""
 
     law: Any
     least: Any
@@ -113,6 +116,7 @@ class ImpulseColumns(NamedTuple):
     fed: Any
     known: Known
     ways: Ways
+    side: Any
 
 
 class Impulses(NearLists, ImpulseColumns):
@@ -122,23 +126,20 @@ class Impulses(NearLists, ImpulseColumns):
     prepares: ClassVar[bool] = False
     concludes: ClassVar[bool] = True
     looks_back: ClassVar[bool] = True
+    hastens: ClassVar[bool] = True
     follows: ClassVar[frozenset[str]] = frozenset(ImpulseColumns._fields) - {"report", "fed", "known"}
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         pass
 
+    def hasten(self, sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+        hasten(sets, parts, c, before, t, h)
+
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         hold_stuck(self, c, share)
         bring_up(self, c, share, t)
         if share.number == 0:
-            hasten(self, parts, c, before, t, h)
-        meet(share.gate, share.threads)
-        if self.ways.number[STRUCK] > 0:
-            bring_up(self, c, share, t)
-        if share.number == 0:
             resolve(self, parts, c, before, t, h)
-            if self.ways.number[STRUCK] > 0:
-                restore(self, before)
         meet(share.gate, share.threads)
 
     def renewed(self) -> Self:
@@ -173,7 +174,7 @@ class Impulses(NearLists, ImpulseColumns):
 
     def among(self, rows: Ints, place: Ints) -> Self:
         known = known_by(self.known, place, rows.size, self.known.partner.size)
-        return super().among(rows, place)._replace(known=known)
+        return super().among(rows, place)._replace(known=known, side=self.side[rows])
 
     def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
         super().bring_back(there, rows, place)
@@ -247,7 +248,7 @@ def note_changes(each: Any, c: Any, before: Any) -> None:
 def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """Impulses and displacements of all pairs that touch."""
     list_touching(each, c, before, t, h)
-    mark_pairs(each, each.ways.number[STRUCK] > 0)
+    mark_pairs(each)
     walls = watch_walls(each, parts, c, before, t, h)
     if each.report[COUNT] > 0:
         calm = look_at(each, c, before, walls, h)
@@ -328,6 +329,15 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     room, sides = PAIRS * count + SOME, (SIDES * count if colliders else 0) + SOME
     bench = new_bench(room, sides, colliders * len(site.state) + 1, count, site.dtype)
     known = new_known(room + sides, count, site.dtype)
-    return Impulses(
-        *found, bench, np.zeros(3, np.int64), np.zeros(2), known, new_ways(count, found.near.begin.size)
-    )
+    ways, side = site.common.setdefault("ways", new_ways(count)), sides_of(found.near, count)
+    return Impulses(*found, bench, np.zeros(3, np.int64), np.zeros(2), known, ways, side)
+
+
+def sides_of(near: Neighbours, count: int) -> Ints:
+    """On which side of contacts particles are: all on one, which meets itself, or on two that meet each other."""
+    side = np.zeros(count, np.int64)
+    side[near.members] = ONE + (ONE << MEETS)
+    if near.split is not None:
+        side[near.members[: near.split]] = ONE + (OTHER << MEETS)
+        side[near.members[near.split :]] = OTHER + (ONE << MEETS)
+    return side

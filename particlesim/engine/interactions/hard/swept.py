@@ -10,7 +10,7 @@ Two spheres meet when their distance d + g τ is the sum of their radii R: with 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from particlesim.engine.interactions.hard.ways import (
     DUE,
     ENDS,
     IMPACTS,
+    LAW,
     PARTNER,
     SEEN,
     TURNED,
@@ -43,25 +44,6 @@ MOST = 128
 """Impacts of a particle in a step after which it meets nobody any more."""
 MOST_IMAGES = 8
 """Images of a periodic box in which a way is looked for, to each side."""
-
-
-class Field(NamedTuple):
-    """What a search needs to know, and no laws: the ways, inverse masses and radii of particles; of neighbour lists the
-    places of all, what to add to those for an image of the box, where a second set begins, and the periods of the box."""
-
-    ways: Any
-    a: Any
-    r: Any
-    place: Any
-    wrap: Any
-    split: Any
-    box: Any
-
-
-def field_of(each: Any, c: Any) -> Field:
-    """The same of hard contacts."""
-    near = each.near
-    return Field(each.ways, each.a, c.r, near.place, near.wrap, near.split, near.box)
 
 
 # ---- boxes
@@ -128,12 +110,7 @@ def seen_at(f: Any, i: Any, s: Any) -> Any:
     """Where a particle is at a time, or was born or has died, in the image of the box in which others are."""
     w = f.ways
     x = place_at(w, i, min(max(s, w.when[BEGUN, i]), w.when[ENDS, i]))
-    return x[0] + wrap_of(f, i, 0), x[1] + wrap_of(f, i, 1), x[2] + wrap_of(f, i, 2)
-
-
-def wrap_of(f: Any, i: Any, axis: Any) -> Any:
-    """What to add to a place of particle i for that image along an axis [m]."""
-    return 0.0 if f.wrap is None else float(f.wrap[axis, f.place[i]])
+    return x[0] + w.wrap[0, i], x[1] + w.wrap[1, i], x[2] + w.wrap[2, i]
 
 
 @shared
@@ -149,7 +126,7 @@ def box_way(f: Any, i: Any, low: Any, high: Any) -> None:
         if end >= begin:
             begun, x, go = leg_of(w, i, begin)
             for axis in range(3):
-                wrap = wrap_of(f, i, axis)
+                wrap = w.wrap[axis, i]
                 one = x[axis] + (begin - begun) * go[axis] + wrap
                 other = x[axis] + (end - begun) * go[axis] + wrap
                 more = float(f.r[i]) + WIDER * (abs(one) + abs(other))
@@ -230,7 +207,7 @@ def look_along(f: Any, i: Any, low: Any, high: Any) -> None:
     if f.box is None:
         walk(f, i, x, go, (0.0, 0.0, 0.0), low, high)
     else:
-        x = tuple(x[axis] + wrap_of(f, i, axis) for axis in range(3))
+        x = tuple(x[axis] + w.wrap[axis, i] for axis in range(3))
         first, last = images_of(f, x, go, float(f.r[i]), high - low)
         for a in range(first[0], last[0] + 1):
             for b in range(first[1], last[1] + 1):
@@ -302,32 +279,35 @@ def look_at_group(f: Any, i: Any, group: Any, shift: Any, low: Any, high: Any) -
     w = f.ways
     for place in range(GROUP * group, GROUP * group + GROUP):
         j = w.order[place]
-        if j >= 0 and may_meet(f, i, j):
+        law = -1
+        if j >= 0:
+            law = law_of(f, i, j)
+        if law >= 0:
             image = image_of(f, i, j, shift)
             s = meets_at(f, i, j, image, low, high)
             sooner = s < w.when[DUE, i]
             if sooner | ((s == w.when[DUE, i]) & (s < np.inf) & (j < w.what[PARTNER, i])):
                 w.when[DUE, i], w.what[PARTNER, i], w.what[SEEN, i] = s, j, w.what[TURNED, j]
+                w.what[LAW, i] = law
                 for axis in range(3):
                     w.image[axis, i] = image[axis]
 
 
-def may_meet(f: Any, i: Any, j: Any) -> Any:
-    """Whether two members act on each other at all."""
-    w, place = f.ways, f.place
-    allowed = (i != j) & (f.a[i] + f.a[j] > 0)
-    allowed = allowed & (w.what[IMPACTS, i] < MOST) & (w.what[IMPACTS, j] < MOST)
-    if f.split is not None:
-        second = -(-f.split // GROUP) * GROUP
-        allowed = allowed & ((place[i] < second) != (place[j] < second))
-    return allowed
+def law_of(f: Any, i: Any, j: Any) -> Any:
+    """The number of the first contact that acts between two members, -1 if there is none."""
+    w, found = f.ways, -1
+    for number, side in enumerate(f.sides):
+        found = number if (found < 0) & ((side[i] & side[j] >> 2 & 3) != 0) else found
+    acts = (i != j) & (w.light[i] + w.light[j] > 0)
+    return found if acts & (w.what[IMPACTS, i] < MOST) & (w.what[IMPACTS, j] < MOST) else -1
 
 
 def image_of(f: Any, i: Any, j: Any, shift: Any) -> Any:
     """What to add to the difference of the places of two for an image, whole periods [m]."""
     if f.box is None:
         return 0.0, 0.0, 0.0
-    found = tuple(shift[axis] + wrap_of(f, i, axis) - wrap_of(f, j, axis) for axis in range(3))
+    w = f.ways
+    found = tuple(shift[axis] + w.wrap[axis, i] - w.wrap[axis, j] for axis in range(3))
     return tuple(
         0.0 if period is None else period * np.rint(by / period)
         for period, by in zip(f.box, found, strict=True)

@@ -19,9 +19,8 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined, shared
-from particlesim.engine.interactions.hard.bench import THROWN
 from particlesim.engine.interactions.hard.blows import find_wall, hit_wall, strike
-from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, field_of, find_next
+from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next
 from particlesim.engine.interactions.hard.thrown import bend_ways
 from particlesim.engine.interactions.hard.ways import (
     BEGUN,
@@ -29,14 +28,20 @@ from particlesim.engine.interactions.hard.ways import (
     DUE,
     ENDS,
     FOLLOWED,
+    LAW,
     PARTNER,
     SEEN,
     SIZE,
     SLOT,
+    STRAIGHT,
     STRUCK,
+    THROWN,
     TURNED,
     WALL,
+    Field,
+    begin_anew,
     begin_ways,
+    is_member,
     place_at,
 )
 from particlesim.engine.state.columns import type_of
@@ -45,74 +50,78 @@ MOST_LAPS = 1000
 """Laps into which a step is cut at most."""
 
 
-def hasten(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
-    """Have swift particles meet what is on their way in a step of h that ends at time t."""
-    w = each.ways
+def hasten(sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+    """Have swift particles meet what is on their way in a step of h that ends at time t, by all hard contacts of an
+    island."""
+    w, fed = sets[0].ways, sets[0].fed
+    f = Field(w, c.r, tuple(each.side for each in sets), sets[0].near.box)
     w.number[STRUCK] = 0
-    if some_swift(each, c, before):
-        begin_ways(each, c, before, t, h)
-        bend_ways(each, parts, c, before, t, h)
-        laps = choose(each, c)
-        f = field_of(each, c)
+    if some_swift(f, c, before):
+        begin_ways(f, sets[0].a, c, before, t, h)
+        bend_ways(w, parts, c, before, t, h)
+        laps = choose(f)
         for lap in range(laps):
             low, high = float(lap) / laps, float(lap + 1) / laps
+            if lap == 0:
+                follow_anew(f, parts, c, t, h)
             box_ways(f, low, high)
             begin_lap(f, low, high)
             while w.number[SIZE] > 0 and soonest(w, w.queue[0]) <= high:
                 i = w.queue[0]
                 s, j = soonest(w, i), w.what[PARTNER, i]
                 if w.when[WALL, i] <= w.when[DUE, i]:
-                    hit_wall(each, parts, c, i, t, h)
-                    go_on(each, parts, c, i, s, high, t, h)
+                    hit_wall(w, fed, parts, c, i, t, h)
+                    go_on(f, parts, c, i, s, high, t, h)
                 elif w.what[SEEN, i] != w.what[TURNED, j]:  # the other has taken another way since
                     find_next(f, i, s, high)
                     put_in_order(w, i)
                 else:
-                    strike(each, c, i, j, s, h)
-                    go_on(each, parts, c, i, s, high, t, h)
-                    go_on(each, parts, c, j, s, high, t, h)
-        conclude_ways(each, c, before)
+                    for law, each in enumerate(sets):
+                        if w.what[LAW, i] == law:
+                            strike(each, c, i, j, s, h)
+                    go_on(f, parts, c, i, s, high, t, h)
+                    go_on(f, parts, c, j, s, high, t, h)
+        conclude_ways(w, c, before)
 
 
 @outlined
-def some_swift(each: Any, c: Any, before: Any) -> bool:
+def some_swift(f: Any, c: Any, before: Any) -> bool:
     """Whether a member moves relative to the mean of all so far that it may pass another one unseen."""
-    place, columns = each.near.place, (c.x, c.y, c.z)
-    number, least, mean = 0, np.inf, (0.0, 0.0, 0.0)
-    for i in range(place.size):
-        if place[i] >= 0:
+    columns, number, least, mean = (c.x, c.y, c.z), 0, np.inf, (0.0, 0.0, 0.0)
+    for i in range(c.x.size):
+        if is_member(f.sides, i):
             number += 1
             mean = moved_by(mean, 1.0, tuple(float(columns[k][i]) - float(before[k, i]) for k in range(3)))
             r = float(c.r[i])
             least = r if (r > 0) & (r < least) else least
     mean, swift = moved_by((0.0, 0.0, 0.0), 1.0 / max(number, 1), mean), False
-    for i in range(place.size):
-        if place[i] >= 0:
+    for i in range(c.x.size):
+        if is_member(f.sides, i):
             d = tuple(float(columns[k][i]) - float(before[k, i]) - mean[k] for k in range(3))
             size = 0.5 * FAST * (float(c.r[i]) + least)
             swift = swift | (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > size * size)
     return swift & (number > 1) & (least < np.inf)
 
 
-@outlined
-def choose(each: Any, c: Any) -> int:
-    """Choose those that are followed, and in how many laps: their mean way is one or some spaces between particles long in
+@shared
+def choose(f: Any) -> int:
+    """Choose those that are followed, and in how many laps: their mean way is at most half a space between particles long in
     each."""
-    w, number, least, mean = each.ways, 0, np.inf, (0.0, 0.0, 0.0)
+    w, number, least, mean = f.ways, 0, np.inf, (0.0, 0.0, 0.0)
     low, high, total = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf), 0.0
-    for i in range(each.near.place.size):
+    for i in range(w.light.size):
         if w.when[ENDS, i] > 0:
             number += 1
             x, y = place_at(w, i, w.when[BEGUN, i]), place_at(w, i, w.when[ENDS, i])
             low, high = around(low, high, x)
             mean = moved_by(moved_by(mean, 1.0, y), -1.0, x)
-            r = float(c.r[i])
+            r = float(f.r[i])
             least = r if (r > 0) & (r < least) else least
     mean = moved_by((0.0, 0.0, 0.0), 1.0 / max(number, 1), mean)
-    for i in range(each.near.place.size):
+    for i in range(w.light.size):
         if w.when[ENDS, i] > 0:
             way = longest(w, i, mean)
-            if way > 0.5 * FAST * (float(c.r[i]) + least):
+            if way > 0.5 * FAST * (float(f.r[i]) + least):
                 w.what[FOLLOWED, i] = 1
             total += min(way, 1e300)
     if number == 0:
@@ -120,6 +129,16 @@ def choose(each: Any, c: Any) -> int:
     space = max(high[0] - low[0], 0.0) * max(high[1] - low[1], 0.0) * max(high[2] - low[2], 0.0) / number
     laps = 2.0 * total / number / max(space ** (1.0 / 3.0), 4.0 * least)
     return int(min(max(laps, 1.0), float(MOST_LAPS)))
+
+
+def follow_anew(f: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
+    """Have swift particles that colliders have thrown back more than once in the step, on ways that are not known, take them
+    again, from impact to impact on colliders."""
+    w = f.ways
+    for i in range(w.light.size):
+        if (w.what[FOLLOWED, i] > 0) & (w.what[THROWN, i] > 1) & (w.when[BEND, i] == STRAIGHT):
+            begin_anew(w, i, h)
+            find_wall(w, parts, c, i, t, h)
 
 
 def moved_by(x: Any, part: Any, y: Any) -> Any:
@@ -152,12 +171,12 @@ def begin_lap(f: Any, low: Any, high: Any) -> None:
 
 
 @outlined
-def go_on(each: Any, parts: Any, c: Any, i: Any, s: Any, high: Any, t: Any, h: Any) -> None:
+def go_on(f: Any, parts: Any, c: Any, i: Any, s: Any, high: Any, t: Any, h: Any) -> None:
     """Follow a particle from an impact at time s on."""
-    w, f = each.ways, field_of(each, c)
-    w.what[FOLLOWED, i], w.number[STRUCK] = 1, 1
+    w = f.ways
+    w.what[FOLLOWED, i] = 1
     box_way(f, i, s, high)
-    find_wall(each, parts, c, i, t, h)
+    find_wall(w, parts, c, i, t, h)
     find_next(f, i, s, high)
     put_in_order(w, i)
 
@@ -211,32 +230,17 @@ def put(w: Any, k: Any, i: Any) -> None:
 
 
 @outlined
-def conclude_ways(each: Any, c: Any, before: Any) -> None:
+def conclude_ways(w: Any, c: Any, before: Any) -> None:
     """Give all that have been hit their places and velocities. In `before` they get the velocities with which they would
-    have come to these without impacts, so that what comes after does not take impacts for forces, until `restore`."""
-    w = each.ways
-    for i in range(each.near.place.size):
-        if (w.what[TURNED, i] > 0) & (each.a[i] > 0):
-            now = place_at(w, i, w.when[ENDS, i])
+    have come to these without impacts, so that what comes after does not take impacts for forces."""
+    for i in range(w.light.size):
+        if (w.what[TURNED, i] > 0) & (w.light[i] > 0):
+            now, w.number[STRUCK] = place_at(w, i, w.when[ENDS, i]), 1
             for axis, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
                 x[i], v[i] = type_of(x[i], now[axis]), type_of(v[i], w.speed[axis, i])
-                came = w.speed[axis, i] - w.force[axis, i]
-                w.image[axis, i] = came - float(before[3 + axis, i])
-                before[3 + axis, i] = type_of(x[i], came)
+                before[3 + axis, i] = type_of(x[i], w.speed[axis, i] - w.force[axis, i])
             if c.spin is not None:
                 for axis, spin in enumerate((c.spin.wx, c.spin.wy, c.spin.wz)):
                     spin[i] = type_of(spin[i], w.spin[axis, i])
             if len(c.memory) > 0:  # what its method remembers no longer holds
                 c.memory[-1][i] = 0
-            each.bench.mark[i] = THROWN
-
-
-@outlined
-def restore(each: Any, before: Any) -> None:
-    """Take back from `before` what `conclude_ways` has added."""
-    w = each.ways
-    for i in range(each.near.place.size):
-        if (w.what[TURNED, i] > 0) & (each.a[i] > 0):
-            for axis in range(3):
-                came = float(before[3 + axis, i]) - w.image[axis, i]
-                before[3 + axis, i] = type_of(before[3 + axis, i], came)

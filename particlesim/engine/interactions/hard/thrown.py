@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined, shared
+from particlesim.engine.interactions.hard.turns import way_of
 from particlesim.engine.interactions.hard.walls import colliders_of, speed_along, whole
-from particlesim.engine.interactions.hard.ways import ENDS, THROWN, bend_of, bend_way
+from particlesim.engine.interactions.hard.ways import BEGUN, ENDS, THROWN, bend_of, bend_way
 from particlesim.engine.state.columns import fetch, type_of
 from particlesim.laws.registry import force, gap_and_normal, moved_to
 
@@ -24,32 +25,34 @@ LEFT = 1e-9
 """Speed that is left after an impact without rebound by rounding, as a part of that before it."""
 
 
-def bend_ways(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+def bend_ways(w: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """Bend the ways of all members that have been thrown back in a step of h that ends at time t."""
     for part in parts:
-        note_kicks(each, part.forces, c, t, h, part.first, part.last)
+        note_kicks(w, part.forces, c, before, t, h, part.first, part.last)
     for part in parts:
         for collider in colliders_of(part):
-            find_thrown(each, collider, c, before, t, h, part.first, part.last)
-    bend_thrown(each.ways, h)
+            find_thrown(w, collider, c, before, t, h, part.first, part.last)
+    bend_thrown(w, h)
 
 
 @outlined
-def note_kicks(each: Any, forces: Any, c: Any, t: Any, h: Any, first: Any, last: Any) -> None:
-    """By how much forces that act on particles [first, last) alone change their velocities in the step, into `image`."""
-    w = each.ways
+def note_kicks(w: Any, forces: Any, c: Any, before: Any, t: Any, h: Any, first: Any, last: Any) -> None:
+    """By how much forces that act on particles [first, last) alone change their velocities in the step, into `image`; and
+    which of them move as no method does."""
     for i in range(first, last):
         x, y, z = force(forces, fetch(c, i, t)) if len(forces) > 0 else (0.0, 0.0, 0.0)
-        by = float(h) * float(each.a[i])
+        by = float(h) * w.light[i]
         w.image[0, i], w.image[1, i], w.image[2, i] = by * float(x), by * float(y), by * float(z)
+        if (w.when[ENDS, i] > w.when[BEGUN, i]) & (w.light[i] > 0):
+            astray = way_of(c, before, i, (w.when[ENDS, i] - w.when[BEGUN, i]) * float(h)) < 0
+            w.what[THROWN, i] = 1 if astray else 0
 
 
 @outlined
-def find_thrown(each: Any, collider: Any, c: Any, before: Any, t: Any, h: Any, first: Any, last: Any) -> None:
+def find_thrown(w: Any, collider: Any, c: Any, before: Any, t: Any, h: Any, first: Any, last: Any) -> None:
     """Find those of particles [first, last) that a collider has thrown back."""
-    w = each.ways
     for i in range(first, last):
-        if (w.when[ENDS, i] > 0) & (each.a[i] > 0) & (w.what[THROWN, i] == 0):
+        if (w.when[ENDS, i] > 0) & (w.light[i] > 0) & (w.what[THROWN, i] < 2):
             p, u = fetch(c, i, t), (before[3, i], before[4, i], before[5, i])
             x, far, looks, thrown = (p.x, p.y, p.z), h * (size_of(u) + size_of((p.vx, p.vy, p.vz))), 0, False
             while looks < 2:  # where it ends, and at the bend
@@ -60,7 +63,7 @@ def find_thrown(each: Any, collider: Any, c: Any, before: Any, t: Any, h: Any, f
                 looks = looks + 1 if (g <= far) & (not thrown) & (part > 0) else 2
                 x = tuple(type_of(p.x, w.at[axis, i] + middle[axis]) for axis in range(3))
                 far = type_of(far, CLOSE) * p.r
-            w.what[THROWN, i] = 1 if thrown else 0
+            w.what[THROWN, i] = 2 if thrown else w.what[THROWN, i]
 
 
 def size_of(v: Any) -> Any:

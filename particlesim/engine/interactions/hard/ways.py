@@ -15,21 +15,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import outlined
-from particlesim.engine.interactions.hard.turns import way_of
 from particlesim.engine.interactions.neighbours.record import GROUP, level_starts
 from particlesim.engine.state.columns import held, span
 
 BEGUN, BEND, ENDS, DUE, WALL = range(5)
 """Rows of `when`: the times at which a way begins, bends, and ends, 1 or that of a death, and of its next impacts, on
 another particle and on a collider; a way bends after 1 if it does not, and ends before 0 where a particle is not there."""
-TURNED, PARTNER, SEEN, SLOT, IMPACTS, SIDE, FOLLOWED, THROWN = range(8)
+TURNED, PARTNER, SEEN, SLOT, IMPACTS, SIDE, FOLLOWED, THROWN, LAW = range(9)
 """Rows of `what`: how often a way has changed, with whom its next impact is, how often that one's way had changed when that
 was found, where it is in the queue, counted from 1, 0 if it is not, how many impacts it has had in the step, which collider
-is next, whether it is looked at where it goes, and whether something has thrown it back before."""
+is next, whether it is looked at where it goes, whether something has thrown it back before, 2 if that was a collider, and by
+which of the contacts of the island its next impact is."""
 SIZE, STRUCK = range(2)
 """In `number`: how many are in the queue, and whether an impact has taken place in the step."""
 STRAIGHT = 2.0
 """The BEND of a way of one leg."""
+SPINS = 9
+"""Row of the state at the beginning of a step at which angular velocities begin."""
 ASTRAY = 0.1
 """How far both legs may miss each other, as a part of how much the velocity has changed times the step."""
 
@@ -37,12 +39,14 @@ ASTRAY = 0.1
 class Ways(NamedTuple):
     """Of every particle, in double precision: where its way begins, how far it leads in a whole step, both again after its
     bend, [3, n] each [m]; its velocity at the end of the step, that without what has thrown it back, and by how much forces
-    change it in a whole step [3, n] [m/s]; its angular velocity [3, n] [rad/s]; times [5, n], numbers [8, n]; the
-    displacement of the image that it meets next [3, n] [m]. The queue of impacts [n], and how many there are, and more [2].
+    change it in a whole step [3, n] [m/s]; its angular velocity at the end and at the beginning [3, n] [rad/s]; times
+    [5, n], numbers [9, n]; the displacement of the image that it meets next [3, n] [m]; its inverse mass, 0 of what nothing
+    moves [n] [1/kg]; what to add to its place in a periodic box for an image inside [3, n] [m].
 
-    Of one impact: room for its friction, as in `Bench` [4]. Members in an order in which neighbours in space are neighbours
-    [room], −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and the cell of each [n].
-    Boxes about the ways of groups in that order and of nodes above them [6, nodes], and where their levels begin.
+    The queue of impacts [n], and how many there are, and more [2]. Of one impact: room for its friction, as in `Bench` [4].
+    Members in an order in which neighbours in space are neighbours [room], −1 for none, and the place of each in it [n]; how
+    many come before a cell [cells + 1], and the cell of each [n]. Boxes about the ways of groups in that order and of nodes
+    above them [6, nodes], and where their levels begin.
     """
 
     at: Any
@@ -53,9 +57,12 @@ class Ways(NamedTuple):
     first: Any
     force: Any
     spin: Any
+    spun: Any
     when: Any
     what: Any
     image: Any
+    light: Any
+    wrap: Any
     queue: Any
     number: Any
     held: Any
@@ -67,14 +74,27 @@ class Ways(NamedTuple):
     levels: Any
 
 
-def new_ways(particles: int, groups: int) -> Ways:
-    """Room for the ways of some particles, and for a tree on some groups of members."""
-    at, go, bend, on, speed, first, force, spin = (np.zeros((3, particles)) for _ in range(8))
+class Field(NamedTuple):
+    """The ways of all members of the hard contacts of an island, their radii [m], their sides in each of the contacts, and
+    the periods of the box, None without one; and no laws."""
+
+    ways: Ways
+    r: Any
+    sides: Any
+    box: Any
+
+
+def new_ways(particles: int) -> Ways:
+    """Room for the ways of the particles of an island."""
+    at, go, bend, on, speed, first, force, spin, spun = (np.zeros((3, particles)) for _ in range(9))
+    groups = max(-(-particles // GROUP), 1)
     levels, bits = level_starts(groups), max((groups // 2).bit_length() // 3, 1)
     return Ways(
-        *(at, go, bend, on, speed, first, force, spin),
+        *(at, go, bend, on, speed, first, force, spin, spun),
         np.zeros((5, particles)),
-        np.zeros((8, particles), np.int64),
+        np.zeros((9, particles), np.int64),
+        np.zeros((3, particles)),
+        np.zeros(particles),
         np.zeros((3, particles)),
         np.zeros(particles, np.int64),
         np.zeros(2, np.int64),
@@ -88,22 +108,30 @@ def new_ways(particles: int, groups: int) -> Ways:
     )
 
 
+def is_member(sides: Any, i: Any) -> Any:
+    """Whether some hard contact acts on a particle."""
+    found = False
+    for side in sides:
+        found = found | (side[i] != 0)
+    return found
+
+
 @outlined
-def begin_ways(each: Any, c: Any, before: Any, t: Any, h: Any) -> None:
-    """The ways of all members in a step of h that ends at time t."""
-    w = each.ways
-    for i in range(each.bench.mark.size):
-        each.bench.mark[i] = 0
-        for row in range(8):
+def begin_ways(f: Any, a: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+    """The ways of all members in a step of h that ends at time t; `a`: their inverse masses."""
+    w = f.ways
+    for i in range(w.light.size):
+        for row in range(9):
             w.what[row, i] = 0
         w.when[DUE, i], w.when[WALL, i], w.when[ENDS, i] = np.inf, np.inf, -1.0
-        if each.near.place[i] >= 0:
-            begin_way(each, c, before, i, t, h)
+        w.light[i] = 0.0 if held(c.clock, i) else float(a[i])
+        if is_member(f.sides, i):
+            begin_way(f, c, before, i, t, h)
 
 
-def begin_way(each: Any, c: Any, before: Any, i: Any, t: Any, h: Any) -> None:
+def begin_way(f: Any, c: Any, before: Any, i: Any, t: Any, h: Any) -> None:
     """The way of a particle, unless it is not there."""
-    w, own = each.ways, t - float(h)
+    w, own = f.ways, t - float(h)
     begin, lasts = span(c.clock, i, own, t, h)
     part, rests = float(lasts) / float(h), held(c.clock, i)
     if (part > 0) | rests:
@@ -118,14 +146,12 @@ def begin_way(each: Any, c: Any, before: Any, i: Any, t: Any, h: Any) -> None:
             w.speed[axis, i] = float(speed[axis])
             w.first[axis, i] = float(before[3 + axis, i])
             w.force[axis, i] = (w.speed[axis, i] - w.first[axis, i]) / lasts if part > 0 else 0.0
+            period = None if f.box is None else f.box[axis]
+            w.wrap[axis, i] = 0.0 if period is None else -period * np.floor(w.at[axis, i] / period)
         if c.spin is not None:
-            w.spin[0, i], w.spin[1, i], w.spin[2, i] = (
-                float(c.spin.wx[i]),
-                float(c.spin.wy[i]),
-                float(c.spin.wz[i]),
-            )
-        if (part > 0) & (each.a[i] > 0) and way_of(c, before, i, part * float(h)) < 0:
-            w.what[THROWN, i] = 1
+            for axis, turns in enumerate((c.spin.wx, c.spin.wy, c.spin.wz)):
+                w.spin[axis, i] = float(turns[i])
+                w.spun[axis, i] = float(turns[i] if part <= 0 else before[SPINS + axis, i])
 
 
 def bend_of(w: Any, i: Any, h: Any) -> Any:
@@ -162,6 +188,15 @@ def bend_way(w: Any, i: Any, h: Any) -> None:
         w.first[axis, i] += lasts * w.force[axis, i]
 
 
+def begin_anew(w: Any, i: Any, h: Any) -> None:
+    """Have a particle that has been thrown back begin its way in a step of h anew, as if nothing were in it."""
+    lasts = w.when[ENDS, i] - w.when[BEGUN, i]
+    for axis in range(3):
+        w.speed[axis, i], w.spin[axis, i] = w.first[axis, i], w.spun[axis, i]
+        w.go[axis, i] = float(h) * (w.speed[axis, i] - 0.5 * lasts * w.force[axis, i])
+    w.what[TURNED, i] += 1
+
+
 def leg_of(w: Any, i: Any, s: Any) -> Any:
     """On which leg of its way a particle is from time s on: when that began, where, and how far it leads in a step."""
     if s < w.when[BEND, i]:
@@ -192,7 +227,7 @@ def stand_at(w: Any, i: Any, s: Any) -> None:
     for axis in range(3):
         w.at[axis, i], w.go[axis, i] = x[axis] + by * go[axis], go[axis]
         if w.when[BEND, i] < STRAIGHT and s < w.when[BEND, i]:
-            w.speed[axis, i] = w.first[axis, i]
+            w.speed[axis, i], w.spin[axis, i] = w.first[axis, i], w.spun[axis, i]
     w.when[BEGUN, i], w.when[BEND, i] = s, STRAIGHT
     w.what[TURNED, i] += 1
 
