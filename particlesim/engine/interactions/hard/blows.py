@@ -21,6 +21,7 @@ from particlesim.engine.interactions.hard.walls import FLAT, colliders_of, whole
 from particlesim.engine.interactions.hard.ways import (
     BEGUN,
     ENDS,
+    HIT,
     IMPACTS,
     SIDE,
     WALL,
@@ -70,6 +71,7 @@ def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
     image = row(w.image, i)
     stand_at(w, i, s)
     stand_at(w, j, s)
+    w.what[HIT, i] = w.what[HIT, j] = 1
     d = tuple(w.at[k, i] - w.at[k, j] + image[k] for k in range(3))
     far = np.sqrt(dot(d, d))
     n = (d[0] / far, d[1] / far, d[2] / far)

@@ -15,7 +15,8 @@ it has been given in the last step, and may take it back (`memory`). Where turns
 solved at once, as at rest (`at_once`).
 
 Impulses act where forces do in a step, in its middle for most methods: along the normals there, and particles move on from
-there by as much. Then what still overlaps is moved apart (`apart`).
+there by as much. Then what still overlaps is moved apart (`apart`). Those that move far in a step have met what was on their
+way before all that (`swift`).
 
 Source: J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics (1988); E. Guendelman, R. Bridson,
 R. Fedkiw, ACM Trans. Graph. 22, 871 (2003), for impacts before contact.

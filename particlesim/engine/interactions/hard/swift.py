@@ -28,6 +28,7 @@ from particlesim.engine.interactions.hard.ways import (
     DUE,
     ENDS,
     FOLLOWED,
+    HIT,
     LAW,
     PARTNER,
     SEEN,
@@ -234,7 +235,7 @@ def conclude_ways(w: Any, c: Any, before: Any) -> None:
     """Give all that have been hit their places and velocities. In `before` they get the velocities with which they would
     have come to these without impacts, so that what comes after does not take impacts for forces."""
     for i in range(w.light.size):
-        if (w.what[TURNED, i] > 0) & (w.light[i] > 0):
+        if (w.what[HIT, i] > 0) & (w.light[i] > 0):
             now, w.number[STRUCK] = place_at(w, i, w.when[ENDS, i]), 1
             for axis, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
                 x[i], v[i] = type_of(x[i], now[axis]), type_of(v[i], w.speed[axis, i])

@@ -28,7 +28,8 @@ LEFT = 1e-9
 def bend_ways(w: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """Bend the ways of all members that have been thrown back in a step of h that ends at time t."""
     for part in parts:
-        note_kicks(w, part.forces, c, before, t, h, part.first, part.last)
+        note_kicks(w, part.forces, c, t, h, part.first, part.last)
+    find_method(w, c, before, h)
     for part in parts:
         for collider in colliders_of(part):
             find_thrown(w, collider, c, before, t, h, part.first, part.last)
@@ -36,16 +37,32 @@ def bend_ways(w: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
 
 
 @outlined
-def note_kicks(w: Any, forces: Any, c: Any, before: Any, t: Any, h: Any, first: Any, last: Any) -> None:
-    """By how much forces that act on particles [first, last) alone change their velocities in the step, into `image`; and
-    which of them move as no method does."""
+def note_kicks(w: Any, forces: Any, c: Any, t: Any, h: Any, first: Any, last: Any) -> None:
+    """By how much forces that act on particles [first, last) alone change their velocities in the step, into `image`."""
     for i in range(first, last):
         x, y, z = force(forces, fetch(c, i, t)) if len(forces) > 0 else (0.0, 0.0, 0.0)
         by = float(h) * w.light[i]
         w.image[0, i], w.image[1, i], w.image[2, i] = by * float(x), by * float(y), by * float(z)
-        if (w.when[ENDS, i] > w.when[BEGUN, i]) & (w.light[i] > 0):
-            astray = way_of(c, before, i, (w.when[ENDS, i] - w.when[BEGUN, i]) * float(h)) < 0
-            w.what[THROWN, i] = 1 if astray else 0
+
+
+@outlined
+def find_method(w: Any, c: Any, before: Any, h: Any) -> None:
+    """Find those that move as no method does, and how most others do."""
+    early = late = some = 0
+    for i in range(w.light.size):
+        lasts = w.when[ENDS, i] - w.when[BEGUN, i]
+        if (lasts > 0) & (w.light[i] > 0):
+            way = way_of(c, before, i, lasts * float(h))
+            w.what[THROWN, i] = 1 if way < 0 else 0
+            if (w.force[0, i] != 0) | (w.force[1, i] != 0) | (w.force[2, i] != 0):
+                early += 1 if way == 0 else 0
+                late += 1 if way == 1 else 0
+                some += 1 if way > 0 and way < 1 else 0
+    w.late[0] = 0.0
+    if (late > early) & (late > some):
+        w.late[0] = 0.5
+    if (early > late) & (early > some):
+        w.late[0] = -0.5
 
 
 @outlined

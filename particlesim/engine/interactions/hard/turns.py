@@ -36,7 +36,7 @@ from particlesim.engine.interactions.hard.bench import (
     WAY,
     WORK,
 )
-from particlesim.engine.interactions.hard.ways import STRUCK, TURNED
+from particlesim.engine.interactions.hard.ways import HIT, STRUCK
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.interactions.touching import line_between, overlap_at
 from particlesim.engine.state.columns import type_of
@@ -63,7 +63,7 @@ def mark_pairs(each: Any) -> None:
     bench, w = each.bench, each.ways
     struck = w.number[STRUCK] > 0
     for i in range(bench.mark.size):
-        bench.mark[i] = THROWN if struck and w.what[TURNED, i] > 0 else 0
+        bench.mark[i] = THROWN if struck and w.what[HIT, i] > 0 else 0
     for k in range(each.report[COUNT]):
         for i in (bench.rows[0, k], bench.rows[1, k]):
             bench.mark[i] = bench.mark[i] | PAIRED

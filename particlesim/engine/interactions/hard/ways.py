@@ -3,7 +3,9 @@
 A way is a chord from where the step begins to where it ends, run through at a steady pace; times are parts of the step, 0 to
 1. A particle that something has thrown back in the step has a way of two legs: on from where it began with the velocity that
 it had there, and back from where it ends with the one that it has then, with a bend where these come nearest to each other.
-Velocities change evenly in a step, by what forces have done in all of it; at time s forces have 1 − s of that still to do.
+Velocities change evenly in a step, by what forces have done in all of it, and at time s there is 1 − s of that still to
+come. A method may know them late, or early: with w a property of the method (`turns.way_of`), what has come a way of
+h (v₀ + w Δv) had that velocity in the middle, so at time s it has v₁ − (1 − s) Δv + (w − ½) Δv.
 
 All numbers are of double precision: impacts of a step follow each other, and single precision would add up.
 """
@@ -21,18 +23,18 @@ from particlesim.engine.state.columns import held, span
 BEGUN, BEND, ENDS, DUE, WALL = range(5)
 """Rows of `when`: the times at which a way begins, bends, and ends, 1 or that of a death, and of its next impacts, on
 another particle and on a collider; a way bends after 1 if it does not, and ends before 0 where a particle is not there."""
-TURNED, PARTNER, SEEN, SLOT, IMPACTS, SIDE, FOLLOWED, THROWN, LAW = range(9)
+TURNED, PARTNER, SEEN, SLOT, IMPACTS, SIDE, FOLLOWED, THROWN, LAW, HIT = range(10)
 """Rows of `what`: how often a way has changed, with whom its next impact is, how often that one's way had changed when that
 was found, where it is in the queue, counted from 1, 0 if it is not, how many impacts it has had in the step, which collider
-is next, whether it is looked at where it goes, whether something has thrown it back before, 2 if that was a collider, and by
-which of the contacts of the island its next impact is."""
+is next, whether it is looked at where it goes, whether something has thrown it back before, 2 if that was a collider, by
+which of the contacts of the island its next impact is, and whether another particle has hit it."""
 SIZE, STRUCK = range(2)
 """In `number`: how many are in the queue, and whether an impact has taken place in the step."""
 STRAIGHT = 2.0
 """The BEND of a way of one leg."""
 SPINS = 9
 """Row of the state at the beginning of a step at which angular velocities begin."""
-ASTRAY = 0.1
+ASTRAY = 1e-3
 """How far both legs may miss each other, as a part of how much the velocity has changed times the step."""
 
 
@@ -40,13 +42,13 @@ class Ways(NamedTuple):
     """Of every particle, in double precision: where its way begins, how far it leads in a whole step, both again after its
     bend, [3, n] each [m]; its velocity at the end of the step, that without what has thrown it back, and by how much forces
     change it in a whole step [3, n] [m/s]; its angular velocity at the end and at the beginning [3, n] [rad/s]; times
-    [5, n], numbers [9, n]; the displacement of the image that it meets next [3, n] [m]; its inverse mass, 0 of what nothing
+    [5, n], numbers [10, n]; the displacement of the image that it meets next [3, n] [m]; its inverse mass, 0 of what nothing
     moves [n] [1/kg]; what to add to its place in a periodic box for an image inside [3, n] [m].
 
-    The queue of impacts [n], and how many there are, and more [2]. Of one impact: room for its friction, as in `Bench` [4].
-    Members in an order in which neighbours in space are neighbours [room], −1 for none, and the place of each in it [n]; how
-    many come before a cell [cells + 1], and the cell of each [n]. Boxes about the ways of groups in that order and of nodes
-    above them [6, nodes], and where their levels begin.
+    The queue of impacts [n], and how many there are, and more [2]; by how much velocities are late, w − ½ [1]. Of one
+    impact: room for its friction, as in `Bench` [4]. Members in an order in which neighbours in space are neighbours [room],
+    −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and the cell of each [n]. Boxes
+    about the ways of groups in that order and of nodes above them [6, nodes], and where their levels begin.
     """
 
     at: Any
@@ -65,6 +67,7 @@ class Ways(NamedTuple):
     wrap: Any
     queue: Any
     number: Any
+    late: Any
     held: Any
     order: Any
     place: Any
@@ -92,12 +95,13 @@ def new_ways(particles: int) -> Ways:
     return Ways(
         *(at, go, bend, on, speed, first, force, spin, spun),
         np.zeros((5, particles)),
-        np.zeros((9, particles), np.int64),
+        np.zeros((10, particles), np.int64),
         np.zeros((3, particles)),
         np.zeros(particles),
         np.zeros((3, particles)),
         np.zeros(particles, np.int64),
         np.zeros(2, np.int64),
+        np.zeros(1),
         np.zeros((4, 1)),
         np.zeros(GROUP * groups, np.int64),
         np.zeros(particles, np.int64),
@@ -121,7 +125,7 @@ def begin_ways(f: Any, a: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """The ways of all members in a step of h that ends at time t; `a`: their inverse masses."""
     w = f.ways
     for i in range(w.light.size):
-        for row in range(9):
+        for row in range(10):
             w.what[row, i] = 0
         w.when[DUE, i], w.when[WALL, i], w.when[ENDS, i] = np.inf, np.inf, -1.0
         w.light[i] = 0.0 if held(c.clock, i) else float(a[i])
@@ -159,9 +163,9 @@ def bend_of(w: Any, i: Any, h: Any) -> Any:
     its legs do not meet; and where it bends, from where it begins [m]. In `image` is what forces change its velocity by in a
     step: so the first leg leads where it would have come, and the second one comes from where it would have begun."""
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
-    long, half = lasts * float(h), 0.5 * lasts
-    u = tuple(w.first[axis, i] + half * w.image[axis, i] for axis in range(3))
-    v = tuple(w.speed[axis, i] - half * w.image[axis, i] for axis in range(3))
+    long, one, other = lasts * float(h), lasts * (0.5 + w.late[0]), lasts * (0.5 - w.late[0])
+    u = tuple(w.first[axis, i] + one * w.image[axis, i] for axis in range(3))
+    v = tuple(w.speed[axis, i] - other * w.image[axis, i] for axis in range(3))
     # from where the second leg is to where the first one is at a time τ: e + τ d
     d = tuple(long * (u[axis] - v[axis]) for axis in range(3))
     e = tuple(long * v[axis] - lasts * w.go[axis, i] for axis in range(3))
@@ -193,7 +197,7 @@ def begin_anew(w: Any, i: Any, h: Any) -> None:
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     for axis in range(3):
         w.speed[axis, i], w.spin[axis, i] = w.first[axis, i], w.spun[axis, i]
-        w.go[axis, i] = float(h) * (w.speed[axis, i] - 0.5 * lasts * w.force[axis, i])
+        w.go[axis, i] = float(h) * (w.speed[axis, i] - (0.5 - w.late[0]) * lasts * w.force[axis, i])
     w.what[TURNED, i] += 1
 
 
@@ -234,7 +238,7 @@ def stand_at(w: Any, i: Any, s: Any) -> None:
 
 def velocity_at(w: Any, i: Any, s: Any) -> Any:
     """The velocity of a particle at time s, when forces have not yet done all that they do in the step [m/s]."""
-    late = w.when[ENDS, i] - s
+    late = w.when[ENDS, i] - s - w.late[0]
     return (
         w.speed[0, i] - late * w.force[0, i],
         w.speed[1, i] - late * w.force[1, i],
