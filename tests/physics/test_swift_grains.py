@@ -90,7 +90,10 @@ WALLS = [
 """The sides of a unit cube."""
 
 
-@pytest.mark.parametrize(("e", "kind"), [(1.0, "free"), (0.6, "periodic"), (1.0, "walls"), (0.8, "walls")])
+@pytest.mark.parametrize(
+    ("e", "kind"),
+    [(1.0, "free"), (0.6, "periodic"), (1.0, "walls"), pytest.param(0.8, "walls", marks=pytest.mark.slow)],
+)
 def test_impacts_are_those_of_exact_events(e: float, kind: str) -> None:
     """In a periodic box of two groups, with a contact of their own for each and one between both."""
     rng, n, duration = np.random.default_rng(4), 24, 0.2
@@ -243,12 +246,28 @@ def test_a_gas_keeps_its_energy_and_comes_to_maxwells_speeds() -> None:
     assert (square**2).mean() / square.mean() ** 2 == pytest.approx(5 / 3, abs=0.4)
 
 
-@pytest.mark.parametrize("method", ["velocity_verlet", "rk4"])
-def test_energy_is_kept_under_gravity(method: str) -> None:
-    """Impacts take place within steps in which v changes by 0.2 m/s, of some 1: all in uniform fields is exact."""
-    pull = [{"type": "gravity", "acceleration": [0, -5.0, 0]}]
-    found = energy(ps.run(ps.from_table(gas(2.0, method=method, forces=pull))))
-    assert np.abs(found / found[0] - 1).max() < 1e-9
+@pytest.mark.parametrize(
+    ("method", "late", "most"),
+    [
+        ("velocity_verlet", 0.0, 1e-9),
+        pytest.param("rk4", 0.0, 1e-9, marks=pytest.mark.slow),
+        ("symplectic_euler", 0.5, 0.02),
+    ],
+)
+def test_energy_is_kept_under_gravity(method: str, late: float, most: float) -> None:
+    """Impacts take place within steps in which v changes by 0.2 m/s, of some 1: all in uniform fields is exact.
+
+    Velocities of symplectic Euler are half a step late, and low hops on the floor cost it a little.
+    """
+    g, scenario = 5.0, gas(2.0, method=method, forces=[{"type": "gravity", "acceleration": [0, -5.0, 0]}])
+    kick = np.array([0, -late * g * scenario["simulation"]["dt"], 0])
+
+    def total(x: Any, v: Any) -> float:
+        return float((0.5 * (np.asarray(v) + kick) ** 2).sum() + g * np.asarray(x)[:, 1].sum())
+
+    final, layout = ps.run(ps.from_table(scenario)).final, scenario["particles"][0]["layout"]
+    began = total(layout["position"], layout["velocity"])
+    assert total(final.position, final.velocity) == pytest.approx(began, rel=most)
 
 
 def test_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: Any) -> None:
