@@ -49,6 +49,11 @@ def dot(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
+def minus(a: Any, b: Any) -> Any:
+    """The difference of two vectors."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
 def row(rows: Any, i: Any) -> Any:
     """A vector out of rows [3, n]."""
     return rows[0, i], rows[1, i], rows[2, i]
@@ -73,12 +78,14 @@ def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
     stand_at(w, j, s)
     w.what[HIT, i] = w.what[HIT, j] = 1
     d = tuple(w.at[k, i] - w.at[k, j] + image[k] for k in range(3))
-    far = np.sqrt(dot(d, d))
-    n = (d[0] / far, d[1] / far, d[2] / far)
-    u, v = velocity_at(w, i, s), velocity_at(w, j, s)
-    u = (u[0] - v[0], u[1] - v[1], u[2] - v[2])
+    far, g = np.sqrt(dot(d, d)), minus(row(w.go, j), row(w.go, i))
+    n, size = (
+        (d, far) if far > 0 else (g, np.sqrt(dot(g, g)))
+    )  # in one place to rounding, they meet along their ways
+    n = (n[0] / size, n[1] / size, n[2] / size)
+    u = minus(velocity_at(w, i, s), velocity_at(w, j, s))
     pressed = dot(row(w.force, i), n) - dot(row(w.force, j), n)
-    approach, meets = -dot(u, n), (dot(row(w.go, j), n) - dot(row(w.go, i), n)) / float(h)
+    approach, meets = -dot(u, n), dot(g, n) / float(h)
     change = 0.0
     if approach > 0:
         # as slow as forces bring about in two steps is rest, but for what is elastic
@@ -175,7 +182,7 @@ def wall_ahead(w: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) -> float:
         g, axes = look_from(w, collider, c, i, s, t, h)
         x, fast = pace_of(collider, on_way(w, c, i, s, t, h), h)
         fast, n = fast + own, whole(axes, g)
-        rate = dot((go[0] - x[0], go[1] - x[1], go[2] - x[2]), n)
+        rate = dot(minus(go, x), n)
         closes = rate < -ROUNDING * fast
         if isinstance(collider.shape, FLAT):
             return s + max(g, 0.0) / -rate if closes else np.inf
