@@ -105,6 +105,10 @@ class World:
         """In how many steps of one particle each there were more impacts than are followed."""
         return sum(state.exhausted_steps() for state in self.states)
 
+    def stopped_grains(self) -> int:
+        """How often a hard grain had more impacts in a step than are followed."""
+        return sum(island.stopped_grains() for island in self.islands)
+
     def stopped_bodies(self) -> int:
         """How often a rigid body had more impacts in half a step than are followed."""
         return sum(island.stopped_bodies() for island in self.islands)

@@ -72,8 +72,8 @@ class Contact(Rubbing, PairInteraction):
 
     type: Literal["contact"] = "contact"
     model: Literal["impulse", "linear", "hertz"] = "impulse"
-    """`impulse`: hard spheres, whose impacts take no time; `linear`: a spring and a damper between those that overlap;
-    `hertz`: the same with the elasticity of spheres."""
+    """`impulse`: hard spheres, whose impacts take no time, and which never pass through each other; `linear`: a spring and a
+    damper between those that overlap; `hertz`: the same with the elasticity of spheres."""
     surfaces: bool | None = None
     """Whether cloth, jelly and meshes touch with their triangles, and ropes, nets, hair and bridges with their edges, as
     thick as twice the radius of their particles: with `impulse` they do unless this is false, with the other models

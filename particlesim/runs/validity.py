@@ -329,7 +329,7 @@ def missed(world: World) -> tuple[str, ...]:
 
 def exhausted(world: World) -> tuple[str, ...]:
     """Sentences where particles or rigid bodies have had more impacts in a step than are followed."""
-    return (*_stopped(world), *_exhausted(world))
+    return (*_stopped(world), *_stopped_grains(world), *_exhausted(world))
 
 
 def _stopped(world: World) -> tuple[str, ...]:
@@ -340,6 +340,17 @@ def _stopped(world: World) -> tuple[str, ...]:
     return (
         f"{'once' if number == 1 else f'{number:,} times'} a rigid body had more than {MOST_IMPACTS} impacts in half a "
         "step, and rested until its end: a smaller dt lets it rebound, unless there is no room for it",
+    )
+
+
+def _stopped_grains(world: World) -> tuple[str, ...]:
+    if (number := world.stopped_grains()) == 0:
+        return ()
+    from particlesim.engine.interactions.hard.blows import MOST_IMPACTS  # with all that grains need
+
+    return (
+        f"{'once' if number == 1 else f'{number:,} times'} a hard grain had {MOST_IMPACTS} impacts in a step, and stayed "
+        "where it was until its end: a smaller dt lets it go on, unless there is no room for it",
     )
 
 

@@ -37,7 +37,7 @@ def fed_and_gained(scenario: Table) -> tuple[float, float]:
     simulation.advance_to(simulation.scenario.grid.steps)
     gained = energy() - start
     (island,) = simulation.islands
-    (fed,) = island.interactions[-1].fed
+    fed = island.interactions[-1].given
     simulation.close()
     return float(fed), gained
 

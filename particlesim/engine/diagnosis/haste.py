@@ -1,4 +1,7 @@
-"""Particles that move so far in a step, past others, that contact may not see them touch: it looks at where steps end."""
+"""Particles that move so far in a step, past others, that soft contact may not see them touch: it looks at where steps end.
+
+Hard ones are followed on their way (`engine.interactions.hard.swift`).
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from particlesim.engine.world import World
-from particlesim.scenario.reach import interacting, touches_by_surfaces
+from particlesim.scenario.reach import interacting
 
 
 class Haste(NamedTuple):
@@ -20,14 +23,14 @@ class Haste(NamedTuple):
 
 
 def haste(world: World) -> dict[str, Haste]:
-    """By label, interactions by contact in which a particle moves farther in a step than the sum of two radii: whom it meets
-    in the middle of the step it has passed at the end."""
+    """By label, interactions by soft contact in which a particle moves farther in a step than the sum of two radii: whom it
+    meets in the middle of the step it has passed at the end."""
     found: dict[str, Haste] = {}
     dt = world.grid.dt
     for each in world.scenario.interactions:
-        groups = interacting(each, world.scenario.groups)
-        if not each.touching() or touches_by_surfaces(each, groups):
+        if not each.touching() or each.by_impulses:
             continue
+        groups = interacting(each, world.scenario.groups)
         names = {group.name for group in groups}
         states = [state for state in world.states if state.name in names and state.count]
         count = sum(state.count for state in states)

@@ -71,6 +71,7 @@ class Interaction:
     concludes: ClassVar[bool] = False
     """Whether it has something to do at the end of every step (`conclude`)."""
     looks_back: ClassVar[bool] = False
+    hastens: ClassVar[bool] = False
     """Whether it then needs the state at the beginning of the step."""
 
     # ---- kernels: forces, and the matrix of implicit methods
@@ -82,6 +83,10 @@ class Interaction:
         particles [share.first, share.last). Threads may `meet` in it as often as they like, all equally often; where it has
         written what others read, it ends with one, as `add_forces` only reads.
         """
+
+    def hasten(self, sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+        """Look at what has happened within a step that is a good one, before any of the sets that do so concludes it; one
+        thread calls it, once for all of them."""
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         """Bring up to date what it remembers, or give impulses, at the end t of a step of length h that is a good one.
@@ -227,6 +232,11 @@ class Interaction:
         """What it has given to particles by moving them apart, without forces [J]."""
         return 0.0
 
+    @property
+    def stopped(self) -> int:
+        """How often a particle has had more impacts in a step than are followed."""
+        return 0
+
     def snapped(self, before: Self, c: Any) -> float:
         """What its potential has lost in a step by jumps of contacts that have begun or ended since `before` [J]."""
         return 0.0
@@ -279,12 +289,13 @@ def lone(count: int) -> Lone:
 
 class Site:
     """Where interactions are laid out: the particles of an island, as one state and group by group; `began` if they are
-    those of the start, where errors in the scenario are reported."""
+    those of the start, where errors in the scenario are reported; `common`: arrays that several of them have together."""
 
     def __init__(
         self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState], *, began: bool = True
     ) -> None:
         self.scenario, self.whole, self.began = scenario, whole, began
+        self.common: dict[str, Any] = {}
         self.state = {state.name: state for state in states}
         begins = np.cumsum([0, *(state.count for state in states)]).tolist()
         self.offset = {state.name: begin for state, begin in zip(states, begins, strict=False)}
@@ -336,8 +347,20 @@ def conclude_set(each: Any, parts: Any, c: Any, before: Any, share: Any, t: Any,
     type(each).conclude(each, parts, c, before, share, t, h)
 
 
+def that_hasten(sets: Any) -> Any:
+    """Those of the sets that look at what happens within a step."""
+    if len(sets) == 0:
+        return ()
+    return (sets[:1] if type(sets[0]).hastens else ()) + that_hasten(sets[1:])
+
+
 def conclude_elements(sets: Any, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
     """Let all sets that have something to do at the end of a step do so; all threads of an island come here."""
+    swift = that_hasten(sets)
+    if len(swift) > 0:
+        if share.number == 0:
+            type(swift[0]).hasten(swift[0], swift, parts, c, before, t, h)
+        meet(share.gate, share.threads)
     for each in sets:
         if type(each).concludes:
             conclude_set(each, parts, c, before, share, t, h)

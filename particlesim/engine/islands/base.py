@@ -206,6 +206,10 @@ class BaseIsland:
             if each.broke is not None
         }
 
+    def stopped_grains(self) -> int:
+        """How often a hard grain had more impacts in a step than are followed."""
+        return sum(each.stopped for each in self.interactions)
+
     def stopped_bodies(self) -> int:
         """How often a rigid body had more impacts than are followed."""
         return 0

@@ -16,7 +16,8 @@ it has been given in the last step, and may take it back (`memory`). Where turns
 solved at once, as at rest (`at_once`).
 
 Impulses act where forces do in a step, in its middle for most methods: along the normals there, and particles move on from
-there by as much. Then what still overlaps is moved apart (`apart`).
+there by as much. Then what still overlaps is moved apart (`apart`). Those that move far in a step have met what was on their
+way before all that (`swift`).
 
 Source: J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics (1988); E. Guendelman, R. Bridson,
 R. Fedkiw, ACM Trans. Graph. 22, 871 (2003), for impacts before contact.
@@ -57,6 +58,7 @@ from particlesim.engine.interactions.hard.memory import (
     there_is,
     with_room,
 )
+from particlesim.engine.interactions.hard.swift import hasten
 from particlesim.engine.interactions.hard.turns import (
     SETTLED,
     give_impulses,
@@ -73,6 +75,7 @@ from particlesim.engine.interactions.hard.walls import (
     rub_walls,
     watch_walls,
 )
+from particlesim.engine.interactions.hard.ways import Ways, new_ways
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.lifting import book, lifted, stored
 from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near_pairs_of
@@ -89,13 +92,17 @@ TURNS, MOST_TURNS, ROUGHLY_SETTLED = 20, 60, 0.02
 """Turns through all pairs in a step at most; how many there may be while approaches are not settled even roughly, to this
 part of the largest that forces have brought about, in the root mean square. What is left is solved at once, or goes on in
 the next step."""
+ONE, OTHER, MEETS = 1, 2, 2
+"""Bits of the two sides, and by how many those are above them which a side meets."""
 MOST_ROUNDS = 2
 """Rounds of impulses found at once and their friction, each of which changes what the other needs."""
 
 
 class ImpulseColumns(NamedTuple):
-    """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, a report, the energy that moving
-    particles apart has given them so far [1] [J], and what contacts at rest have been given."""
+    """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, a report; the energy that moving
+    particles apart has given them so far [J], and how often one has had too many impacts in a step [2]; what contacts at
+    rest have been given. The ways of swift particles, which all of an island have in common; on which side of the contacts
+    particles are [n]: bits of what they are, and two bits above them of what they meet."""
 
     law: Any
     least: Any
@@ -111,6 +118,8 @@ class ImpulseColumns(NamedTuple):
     report: Any
     fed: Any
     known: Known
+    ways: Ways
+    side: Any
 
 
 class Impulses(NearLists, ImpulseColumns):
@@ -120,10 +129,14 @@ class Impulses(NearLists, ImpulseColumns):
     prepares: ClassVar[bool] = False
     concludes: ClassVar[bool] = True
     looks_back: ClassVar[bool] = True
+    hastens: ClassVar[bool] = True
     follows: ClassVar[frozenset[str]] = frozenset(ImpulseColumns._fields) - {"report", "fed", "known"}
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         pass
+
+    def hasten(self, sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+        hasten(sets, parts, c, before, t, h)
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         hold_stuck(self, c, share)
@@ -171,7 +184,7 @@ class Impulses(NearLists, ImpulseColumns):
 
     def among(self, rows: Ints, place: Ints) -> Self:
         known = known_by(self.known, place, rows.size, self.known.partner.size)
-        return super().among(rows, place)._replace(known=known)
+        return super().among(rows, place)._replace(known=known, side=self.side[rows])
 
     def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
         super().bring_back(there, rows, place)
@@ -182,6 +195,10 @@ class Impulses(NearLists, ImpulseColumns):
     @property
     def given(self) -> float:
         return float(self.fed[0])
+
+    @property
+    def stopped(self) -> int:
+        return int(self.fed[1])
 
     def changing(self) -> tuple[Floats, ...]:
         return (self.fed, *there_is(self.known))
@@ -323,4 +340,15 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     rolls = found.law.rolling is not None
     bench = new_bench(room, sides, colliders * len(site.state) + 1, count, site.dtype, rolls)
     known = new_known(room + sides, count, site.dtype, rolls)
-    return Impulses(*found, bench, np.zeros(3, np.int64), np.zeros(1), known)
+    ways, side = site.common.setdefault("ways", new_ways(count)), sides_of(found.near, count)
+    return Impulses(*found, bench, np.zeros(3, np.int64), np.zeros(2), known, ways, side)
+
+
+def sides_of(near: Neighbours, count: int) -> Ints:
+    """On which side of contacts particles are: all on one, which meets itself, or on two that meet each other."""
+    side = np.zeros(count, np.int64)
+    side[near.members] = ONE + (ONE << MEETS)
+    if near.split is not None:
+        side[near.members[: near.split]] = ONE + (OTHER << MEETS)
+        side[near.members[near.split :]] = OTHER + (ONE << MEETS)
+    return side

@@ -36,6 +36,7 @@ from particlesim.engine.interactions.hard.bench import (
     WORK,
 )
 from particlesim.engine.interactions.hard.friction import coupled, hold_pair, hold_rolling
+from particlesim.engine.interactions.hard.ways import HIT, STRUCK
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.interactions.touching import line_between, overlap_at
 from particlesim.engine.state.columns import type_of
@@ -60,12 +61,14 @@ GENTLY = 0.02
 
 @outlined
 def mark_pairs(each: Any) -> None:
-    """Mark all particles that are in a pair."""
-    bench = each.bench
+    """Mark all particles that are in a pair, and those that have been hit within the step."""
+    bench, w = each.bench, each.ways
+    struck = w.number[STRUCK] > 0
     for i in range(bench.mark.size):
-        bench.mark[i] = 0
+        bench.mark[i] = THROWN if struck and w.what[HIT, i] > 0 else 0
     for k in range(each.report[COUNT]):
-        bench.mark[bench.rows[0, k]] = bench.mark[bench.rows[1, k]] = PAIRED
+        for i in (bench.rows[0, k], bench.rows[1, k]):
+            bench.mark[i] = bench.mark[i] | PAIRED
 
 
 @outlined

@@ -1,0 +1,271 @@
+"""Impacts of swift hard grains in the midst of a step, on each other and on colliders (`swift`).
+
+Two get what a pair in turns gets (`impulses`), along the line of centres at the time of impact: −(1 + e) v_n and friction
+within Coulomb's cone, with the velocities of that time. Forces go on after it as before, so their work on the way that is
+now another one is what the change of v² leaves out: with e = 1 energy is kept wherever in the step an impact is. An impulse
+may be larger, so that both do not go on into each other, but no larger than that of e = 1.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
+from particlesim.colliders.response import bounce_at, rebound
+from particlesim.compiler import outlined
+from particlesim.engine.interactions.hard.bench import REST
+from particlesim.engine.interactions.hard.friction import held_by
+from particlesim.engine.interactions.hard.turns import bounces_at
+from particlesim.engine.interactions.hard.walls import FLAT, colliders_of, whole
+from particlesim.engine.interactions.hard.ways import (
+    BEGUN,
+    ENDS,
+    HIT,
+    IMPACTS,
+    SIDE,
+    WALL,
+    place_at,
+    stand_at,
+    stay,
+    velocity_at,
+)
+from particlesim.engine.interactions.lifting import book
+from particlesim.engine.interactions.pressing import cross
+from particlesim.engine.state.columns import fetch
+from particlesim.laws.registry import PASS, gap_and_normal, moved_to, with_radius
+
+MOST_IMPACTS = 64
+"""Impacts of a particle in a step, after which it stays where it is until the end of the step."""
+ROUNDING = 1e-12
+"""Rate at which what lies on a collider comes closer to it by rounding, as a part of its pace."""
+TOUCHES, LEAVES, MOST_STRIDES = 1e-9, 0.05, 256
+"""Gap to a collider at which a particle hits it, and what it goes without a look where it leaves one, as parts of its
+radius; strides on the way to a collider at most, where it is taken to be then."""
+
+
+def dot(a: Any, b: Any) -> Any:
+    """The product of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def minus(a: Any, b: Any) -> Any:
+    """The difference of two vectors."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def row(rows: Any, i: Any) -> Any:
+    """A vector out of rows [3, n]."""
+    return rows[0, i], rows[1, i], rows[2, i]
+
+
+def add(rows: Any, i: Any, part: Any, v: Any) -> None:
+    """Add a part of a vector to one in rows [3, n]."""
+    for axis in range(3):
+        rows[axis, i] += part * v[axis]
+
+
+# ---- two particles
+
+
+@outlined
+def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
+    """The impact of particles i and j at time s of a step of h."""
+    w, law = each.ways, each.law
+    wi, wj, both = w.light[i], w.light[j], w.light[i] + w.light[j]
+    image = row(w.image, i)
+    stand_at(w, i, s)
+    stand_at(w, j, s)
+    w.what[HIT, i] = w.what[HIT, j] = 1
+    d = tuple(w.at[k, i] - w.at[k, j] + image[k] for k in range(3))
+    far, g = np.sqrt(dot(d, d)), minus(row(w.go, j), row(w.go, i))
+    n, size = (
+        (d, far) if far > 0 else (g, np.sqrt(dot(g, g)))
+    )  # in one place to rounding, they meet along their ways
+    n = (n[0] / size, n[1] / size, n[2] / size)
+    u = minus(velocity_at(w, i, s), velocity_at(w, j, s))
+    pressed = dot(row(w.force, i), n) - dot(row(w.force, j), n)
+    approach, meets = -dot(u, n), dot(g, n) / float(h)
+    change = 0.0
+    if approach > 0:
+        # as slow as forces bring about in two steps is rest, but for what is elastic
+        lively = (approach > REST * abs(pressed)) | (law.restitution >= 1)
+        change = approach * (1.0 + (float(bounces_at(law, approach)) if lively else 0.0))
+        change = max(change, min(meets, 2.0 * approach))
+    x, y, z = change * n[0], change * n[1], change * n[2]
+    if law.friction is not None:
+        t = rub(each, c, i, j, n, u, far, change)
+        x, y, z = x + t[0], y + t[1], z + t[2]
+    if both > 0:
+        push(w, i, wi / both, (x, y, z), h)
+        push(w, j, -wj / both, (x, y, z), h)
+        tire(w, each.fed, i, s)
+        tire(w, each.fed, j, s)
+        book(each.fed, keep_off(w, i, j, n, s) * max(-pressed, 0.0) / (both * float(h)))
+
+
+def push(w: Any, i: Any, part: Any, change: Any, h: Any) -> None:
+    """Change the velocity of a particle and its way, unless that has come to its end."""
+    add(w.speed, i, part, change)
+    if w.what[IMPACTS, i] < MOST_IMPACTS:
+        add(w.go, i, part * float(h), change)
+
+
+def tire(w: Any, fed: Any, i: Any, s: Any) -> None:
+    """Count an impact of a particle, which stays where it is if it has had too many."""
+    w.what[IMPACTS, i] += 1
+    if (w.what[IMPACTS, i] == MOST_IMPACTS) & (w.light[i] > 0):
+        stay(w, i, s)
+        fed[1] += 1.0
+
+
+def keep_off(w: Any, i: Any, j: Any, n: Any, s: Any) -> Any:
+    """Turn the ways of two so that they do not lead into each other; how far that takes them apart in the step [m]. One that
+    stays where it is moves only for what nothing moves."""
+    into = dot(row(w.go, j), n) - dot(row(w.go, i), n)
+    if into > 0:
+        mine = w.light[i] if w.what[IMPACTS, i] < MOST_IMPACTS else 0.0
+        other = w.light[j] if w.what[IMPACTS, j] < MOST_IMPACTS else 0.0
+        mine, other = (mine, other) if mine + other > 0 else (w.light[i], w.light[j])
+        add(w.go, i, into * mine / (mine + other), n)
+        add(w.go, j, -into * other / (mine + other), n)
+        return into * (1.0 - s)
+    return 0.0
+
+
+def rub(each: Any, c: Any, i: Any, j: Any, n: Any, u: Any, far: Any, change: Any) -> Any:
+    """Friction of an impact that changes the velocity along the normal by `change`: it turns both; by what it changes the
+    velocity u of the first relative to the second [m/s]."""
+    w, friction = each.ways, each.law.friction
+    along = dot(u, n)
+    slip, share = (u[0] - along * n[0], u[1] - along * n[1], u[2] - along * n[2]), 1.0
+    ri, rj, both = float(c.r[i]), float(c.r[j]), w.light[i] + w.light[j]
+    arm = far / (ri + rj)
+    if c.spin is not None:
+        a, b = row(w.spin, i), row(w.spin, j)
+        turning = cross(tuple(ri * a[k] + rj * b[k] for k in range(3)), n)
+        slip = tuple(slip[k] - arm * turning[k] for k in range(3))
+        light = (w.light[i] if ri > 0 else 0.0) + (w.light[j] if rj > 0 else 0.0)  # points do not turn
+        share = both / (both + 2.5 * arm * arm * light)
+    for axis in range(3):
+        w.held[axis, 0] = 0.0
+    t = held_by(w.held, 0, slip, share, change, float(friction.static), float(friction.kinetic))
+    if c.spin is not None:
+        turn = cross(n, (-t[0], -t[1], -t[2]))
+        add(w.spin, i, 2.5 * arm * w.light[i] / (both * ri) if ri > 0 else 0.0, turn)
+        add(w.spin, j, 2.5 * arm * w.light[j] / (both * rj) if rj > 0 else 0.0, turn)
+    return t
+
+
+# ---- colliders
+
+
+def find_wall(w: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
+    """Find out when a particle comes to a collider on its way, which it has not gone before."""
+    k = 0
+    w.when[WALL, i] = np.inf
+    for part in parts:
+        for collider in colliders_of(part):
+            if (part.first <= i) & (i < part.last) & (w.light[i] > 0):
+                soonest = wall_ahead(w, collider, c, i, t, h)
+                if soonest < w.when[WALL, i]:
+                    w.when[WALL, i], w.what[SIDE, i] = soonest, k
+            k += 1
+
+
+@outlined
+def wall_ahead(w: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) -> float:
+    """When a particle comes to a collider: it goes as far as that is away at least, again and again."""
+    s, go, r, stride = w.when[BEGUN, i], row(w.go, i), float(c.r[i]), 0
+    own = np.sqrt(dot(go, go))
+    while (s < w.when[ENDS, i]) & (stride < MOST_STRIDES) & (own > 0):
+        g, axes = look_from(w, collider, c, i, s, t, h)
+        x, fast = pace_of(collider, on_way(w, c, i, s, t, h), h)
+        fast, n = fast + own, whole(axes, g)
+        rate = dot(minus(go, x), n)
+        closes = rate < -ROUNDING * fast
+        if isinstance(collider.shape, FLAT):
+            return s + max(g, 0.0) / -rate if closes else np.inf
+        if (g <= TOUCHES * r) & closes:
+            return s
+        s += (g if closes else max(g, LEAVES * r)) / fast
+        stride += 1
+    return s if (s < w.when[ENDS, i]) & (own > 0) else np.inf
+
+
+def pace_of(collider: Any, p: Any, h: Any) -> Any:
+    """How far the surface of a collider comes in a step at a particle, and at most near it [m]."""
+    if not isinstance(collider.shape, MovingRecord):
+        return (0.0, 0.0, 0.0), 0.0
+    u = surface_velocity(collider.shape, frame_at(collider.shape, p.t, p.x), p.x, p.y, p.z)
+    turns = 0.0 if collider.shape.spin is None else abs(float(collider.shape.spin.rate))
+    x = (h * u[0], h * u[1], h * u[2])
+    way = h * np.sqrt(p.vx * p.vx + p.vy * p.vy + p.vz * p.vz)
+    return x, np.sqrt(dot(x, x)) + turns * h * way
+
+
+def look_from(w: Any, collider: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> Any:
+    """The gap to a collider, and its normal, at time s of the way of a particle."""
+    return gap_and_normal(collider.shape, on_way(w, c, i, s, t, h))
+
+
+def on_way(w: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> Any:
+    """A particle at time s of its way."""
+    x, v = place_at(w, i, s), velocity_at(w, i, s)
+    p = with_radius(fetch(c, i, t), float(c.r[i]))
+    return moved_to(p, x[0], x[1], x[2], v[0], v[1], v[2], t - (1.0 - s) * float(h))
+
+
+def hit_wall(w: Any, fed: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
+    """The impact of a particle on the collider that is next on its way."""
+    k = 0
+    for part in parts:
+        for collider in colliders_of(part):
+            if k == w.what[SIDE, i]:
+                bounce_off(w, fed, collider, c, i, t, h)
+            k += 1
+
+
+@outlined
+def bounce_off(w: Any, fed: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) -> None:
+    """The rebound of a particle from a collider. It stays there until the end of the step, and meets it in the next one, if
+    that moves, somebody hears of impacts, or it is to stick or to vanish."""
+    s, response = w.when[WALL, i], collider.response
+    stand_at(w, i, s)
+    known = not isinstance(collider.shape, MovingRecord) and response.heard is None
+    if known & (w.what[IMPACTS, i] < MOST_IMPACTS - 1) and response.outcome == PASS:
+        p = on_way(w, c, i, s, t, h)
+        g, axes = gap_and_normal(collider.shape, p)
+        n = whole(axes, g)
+        approach = dot((p.vx, p.vy, p.vz), n)
+        change = rebounded(w, collider, c, i, p, axes, n, approach)
+        if approach < 0:
+            add(w.speed, i, 1.0, change)
+            add(w.go, i, float(h), change)
+        w.what[IMPACTS, i] += 1
+        into = max(-dot(row(w.go, i), n), 0.0)
+        add(w.go, i, into, n)
+        book(fed, into * (1.0 - s) * max(-dot(row(w.force, i), n), 0.0) / (w.light[i] * float(h)))
+    else:
+        tire(w, fed, i, s)
+        stay(w, i, s)
+
+
+def rebounded(w: Any, collider: Any, c: Any, i: Any, p: Any, axes: Any, n: Any, approach: Any) -> Any:
+    """By how much the velocity of a particle changes in an impact on a collider that rests, which may turn it [m/s]."""
+    response = collider.response
+    if c.spin is None or response.friction is None:
+        v = rebound(response, axes, approach, p)
+        return v[0] - p.vx, v[1] - p.vy, v[2] - p.vz
+    given = -float(bounce_at(response, approach)) * approach
+    belt = whole((None, None, None) if response.belt is None else response.belt, given)
+    turning, u = cross(row(w.spin, i), n), (p.vx - belt[0], p.vy - belt[1], p.vz - belt[2])
+    along = dot(u, n)
+    slip = tuple(u[k] - along * n[k] - p.r * turning[k] for k in range(3))
+    for axis in range(3):
+        w.held[axis, 0] = 0.0
+    friction = response.friction
+    t = held_by(w.held, 0, slip, 2 / 7, given, float(friction.static), float(friction.kinetic))
+    add(w.spin, i, 2.5 / p.r if p.r > 0 else 0.0, cross(n, (-t[0], -t[1], -t[2])))
+    return given * n[0] + t[0], given * n[1] + t[1], given * n[2] + t[2]

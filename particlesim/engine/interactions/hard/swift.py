@@ -1,0 +1,247 @@
+"""Swift hard grains: whom a particle meets within a step that is long for its size, found before it passes it.
+
+Contacts look at overlaps at the end of a step. Two that move relative to each other by more than `FAST` of the sum of their
+radii in a step may have passed each other then. So all whose way relative to the mean of all is more than a half of that are
+followed along their ways (`ways`) from impact to impact (`swept`, `blows`), in the order of time, and of rows at one time.
+After an impact both go on with the velocities that they have then, and are followed, whoever they are, also to colliders.
+What nobody hits keeps its bits, and where nobody is swift nothing is done but to look at that.
+
+Ways are cut into laps, each as long as some spaces between particles, so that a particle is compared with what is near to it
+at about that time. Laps and boxes only say whom to compare: impacts do not depend on them, nor on the order of neighbours.
+
+Source: events in the order of time, B. J. Alder, T. E. Wainwright, J. Chem. Phys. 31, 459 (1959).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import outlined, shared
+from particlesim.engine.interactions.hard.blows import find_wall, hit_wall, strike
+from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next
+from particlesim.engine.interactions.hard.thrown import bend_ways
+from particlesim.engine.interactions.hard.ways import (
+    BEGUN,
+    BEND,
+    DUE,
+    ENDS,
+    FOLLOWED,
+    HIT,
+    LAW,
+    PARTNER,
+    SEEN,
+    SIZE,
+    SLOT,
+    STRAIGHT,
+    STRUCK,
+    THROWN,
+    TURNED,
+    WALL,
+    Field,
+    begin_anew,
+    begin_ways,
+    is_member,
+    place_at,
+)
+from particlesim.engine.state.columns import type_of
+
+MOST_LAPS = 1000
+"""Laps into which a step is cut at most."""
+
+
+def hasten(sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+    """Have swift particles meet what is on their way in a step of h that ends at time t, by all hard contacts of an
+    island."""
+    w, fed = sets[0].ways, sets[0].fed
+    f = Field(w, c.r, tuple(each.side for each in sets), sets[0].near.box)
+    w.number[STRUCK] = 0
+    if some_swift(f, c, before):
+        begin_ways(f, sets[0].a, c, before, t, h)
+        bend_ways(w, parts, c, before, t, h)
+        laps = choose(f)
+        for lap in range(laps):
+            low, high = float(lap) / laps, float(lap + 1) / laps
+            if lap == 0:
+                follow_anew(f, parts, c, t, h)
+            box_ways(f, low, high)
+            begin_lap(f, low, high)
+            while w.number[SIZE] > 0 and soonest(w, w.queue[0]) <= high:
+                i = w.queue[0]
+                s, j = soonest(w, i), w.what[PARTNER, i]
+                if w.when[WALL, i] <= w.when[DUE, i]:
+                    hit_wall(w, fed, parts, c, i, t, h)
+                    go_on(f, parts, c, i, s, high, t, h)
+                elif w.what[SEEN, i] != w.what[TURNED, j]:  # the other has taken another way since
+                    find_next(f, i, s, high)
+                    put_in_order(w, i)
+                else:
+                    for law, each in enumerate(sets):
+                        if w.what[LAW, i] == law:
+                            strike(each, c, i, j, s, h)
+                    go_on(f, parts, c, i, s, high, t, h)
+                    go_on(f, parts, c, j, s, high, t, h)
+        conclude_ways(w, c, before)
+
+
+@outlined
+def some_swift(f: Any, c: Any, before: Any) -> bool:
+    """Whether a member moves relative to the mean of all so far that it may pass another one unseen."""
+    columns, number, least, mean = (c.x, c.y, c.z), 0, np.inf, (0.0, 0.0, 0.0)
+    for i in range(c.x.size):
+        if is_member(f.sides, i):
+            number += 1
+            mean = moved_by(mean, 1.0, tuple(float(columns[k][i]) - float(before[k, i]) for k in range(3)))
+            r = float(c.r[i])
+            least = r if (r > 0) & (r < least) else least
+    mean, swift = moved_by((0.0, 0.0, 0.0), 1.0 / max(number, 1), mean), False
+    for i in range(c.x.size):
+        if is_member(f.sides, i):
+            d = tuple(float(columns[k][i]) - float(before[k, i]) - mean[k] for k in range(3))
+            size = 0.5 * FAST * (float(c.r[i]) + least)
+            swift = swift | (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > size * size)
+    return swift & (number > 1) & (least < np.inf)
+
+
+@shared
+def choose(f: Any) -> int:
+    """Choose those that are followed, and in how many laps: their mean way is at most half a space between particles long in
+    each."""
+    w, number, least, mean = f.ways, 0, np.inf, (0.0, 0.0, 0.0)
+    low, high, total = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf), 0.0
+    for i in range(w.light.size):
+        if w.when[ENDS, i] > 0:
+            number += 1
+            x, y = place_at(w, i, w.when[BEGUN, i]), place_at(w, i, w.when[ENDS, i])
+            low, high = around(low, high, x)
+            mean = moved_by(moved_by(mean, 1.0, y), -1.0, x)
+            r = float(f.r[i])
+            least = r if (r > 0) & (r < least) else least
+    mean = moved_by((0.0, 0.0, 0.0), 1.0 / max(number, 1), mean)
+    for i in range(w.light.size):
+        if w.when[ENDS, i] > 0:
+            way = longest(w, i, mean)
+            if way > 0.5 * FAST * (float(f.r[i]) + least):
+                w.what[FOLLOWED, i] = 1
+            total += min(way, 1e300)
+    if number == 0:
+        return 1
+    space = max(high[0] - low[0], 0.0) * max(high[1] - low[1], 0.0) * max(high[2] - low[2], 0.0) / number
+    laps = 2.0 * total / number / max(space ** (1.0 / 3.0), 4.0 * least)
+    return int(min(max(laps, 1.0), float(MOST_LAPS)))
+
+
+def follow_anew(f: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
+    """Have swift particles that colliders have thrown back more than once in the step, on ways that are not known, take them
+    again, from impact to impact on colliders."""
+    w = f.ways
+    for i in range(w.light.size):
+        if (w.what[FOLLOWED, i] > 0) & (w.what[THROWN, i] > 1) & (w.when[BEND, i] == STRAIGHT):
+            begin_anew(w, i, h)
+            find_wall(w, parts, c, i, t, h)
+
+
+def moved_by(x: Any, part: Any, y: Any) -> Any:
+    """A vector and a part of another one."""
+    return x[0] + part * y[0], x[1] + part * y[1], x[2] + part * y[2]
+
+
+def longest(w: Any, i: Any, mean: Any) -> Any:
+    """How far a particle would come in a step by the faster of its legs, relative to a mean way [m]."""
+    one, other = 0.0, 0.0
+    for axis in range(3):
+        one += (w.go[axis, i] - mean[axis]) * (w.go[axis, i] - mean[axis])
+        other += (w.on[axis, i] - mean[axis]) * (w.on[axis, i] - mean[axis])
+    return np.sqrt(max(one, other) if w.when[BEND, i] <= 1 else one)
+
+
+# ---- the queue: a heap, with the particle whose impact is next at its top
+
+
+@shared
+def begin_lap(f: Any, low: Any, high: Any) -> None:
+    """Queue all that are followed with their first impacts between two times."""
+    w = f.ways
+    w.number[SIZE] = 0
+    for i in range(w.queue.size):
+        w.what[SLOT, i] = 0
+        if w.what[FOLLOWED, i] > 0:
+            find_next(f, i, low, high)
+            put_in_order(w, i)
+
+
+@outlined
+def go_on(f: Any, parts: Any, c: Any, i: Any, s: Any, high: Any, t: Any, h: Any) -> None:
+    """Follow a particle from an impact at time s on."""
+    w = f.ways
+    w.what[FOLLOWED, i] = 1
+    box_way(f, i, s, high)
+    find_wall(w, parts, c, i, t, h)
+    find_next(f, i, s, high)
+    put_in_order(w, i)
+
+
+def soonest(w: Any, i: Any) -> Any:
+    """The time of the next impact of a particle."""
+    return min(w.when[DUE, i], w.when[WALL, i])
+
+
+def comes_first(w: Any, i: Any, j: Any) -> Any:
+    """Whether the next impact of a particle is before that of another one."""
+    a, b = soonest(w, i), soonest(w, j)
+    return (a < b) | ((a == b) & (i < j))
+
+
+@shared
+def put_in_order(w: Any, i: Any) -> None:
+    """Put a particle where it belongs in the queue after its next impact has changed; at the end if it has none."""
+    k = w.what[SLOT, i] - 1
+    if k < 0:
+        if soonest(w, i) == np.inf:
+            return
+        k = w.number[SIZE]
+        w.number[SIZE] += 1
+        put(w, k, i)
+    while k > 0 and comes_first(w, i, w.queue[(k - 1) // 2]):
+        put(w, k, w.queue[(k - 1) // 2])
+        k = (k - 1) // 2
+        put(w, k, i)
+    sinks = True
+    while sinks:
+        child = 2 * k + 1
+        if child + 1 < w.number[SIZE]:
+            child += 1 if comes_first(w, w.queue[child + 1], w.queue[child]) else 0
+        sinks = False
+        if child < w.number[SIZE]:
+            sinks = comes_first(w, w.queue[child], i)
+        if sinks:
+            put(w, k, w.queue[child])
+            k = child
+            put(w, k, i)
+
+
+def put(w: Any, k: Any, i: Any) -> None:
+    """Put a particle in place k of the queue."""
+    w.queue[k] = i
+    w.what[SLOT, i] = k + 1
+
+
+# ---- what comes of it
+
+
+@outlined
+def conclude_ways(w: Any, c: Any, before: Any) -> None:
+    """Give all that have been hit their places and velocities. In `before` they get the velocities with which they would
+    have come to these without impacts, so that what comes after does not take impacts for forces."""
+    for i in range(w.light.size):
+        if (w.what[HIT, i] > 0) & (w.light[i] > 0):
+            now, w.number[STRUCK] = place_at(w, i, w.when[ENDS, i]), 1
+            for axis, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
+                x[i], v[i] = type_of(x[i], now[axis]), type_of(v[i], w.speed[axis, i])
+                before[3 + axis, i] = type_of(x[i], w.speed[axis, i] - w.force[axis, i])
+            if c.spin is not None:
+                for axis, spin in enumerate((c.spin.wx, c.spin.wy, c.spin.wz)):
+                    spin[i] = type_of(spin[i], w.spin[axis, i])
+            if len(c.memory) > 0:  # what its method remembers no longer holds
+                c.memory[-1][i] = 0

@@ -1,0 +1,103 @@
+"""Which hard grains colliders have thrown back within a step, before their ways are followed (`ways`).
+
+Forces and rebounds look alike where only the ends of a step are known: both change the velocity. A particle counts as
+thrown back by a collider that it may have touched, where its velocity has come to it and leaves it, at the place where it
+ends or at the bend of its way; and if it moves as no method does. Its velocity then does not tell what forces have done in
+the step, which is asked of those that act on particles alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from particlesim.compiler import outlined, shared
+from particlesim.engine.interactions.hard.turns import way_of
+from particlesim.engine.interactions.hard.walls import colliders_of, speed_along, whole
+from particlesim.engine.interactions.hard.ways import BEGUN, ENDS, THROWN, bend_of, bend_way
+from particlesim.engine.state.columns import fetch, type_of
+from particlesim.laws.registry import force, gap_and_normal, moved_to
+
+CLOSE = 0.25
+"""How near to a collider the way of a particle bends that has been thrown back by it, as a part of the radius."""
+LEFT = 1e-9
+"""Speed that is left after an impact without rebound by rounding, as a part of that before it."""
+
+
+def bend_ways(w: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+    """Bend the ways of all members that have been thrown back in a step of h that ends at time t."""
+    for part in parts:
+        note_kicks(w, part.forces, c, t, h, part.first, part.last)
+    find_method(w, c, before, h)
+    for part in parts:
+        for collider in colliders_of(part):
+            find_thrown(w, collider, c, before, t, h, part.first, part.last)
+    bend_thrown(w, h)
+
+
+@outlined
+def note_kicks(w: Any, forces: Any, c: Any, t: Any, h: Any, first: Any, last: Any) -> None:
+    """By how much forces that act on particles [first, last) alone change their velocities in the step, into `image`."""
+    for i in range(first, last):
+        x, y, z = force(forces, fetch(c, i, t)) if len(forces) > 0 else (0.0, 0.0, 0.0)
+        by = float(h) * w.light[i]
+        w.image[0, i], w.image[1, i], w.image[2, i] = by * float(x), by * float(y), by * float(z)
+
+
+@outlined
+def find_method(w: Any, c: Any, before: Any, h: Any) -> None:
+    """Find those that move as no method does, and how most others do."""
+    early = late = some = 0
+    for i in range(w.light.size):
+        lasts = w.when[ENDS, i] - w.when[BEGUN, i]
+        if (lasts > 0) & (w.light[i] > 0):
+            way = way_of(c, before, i, lasts * float(h))
+            w.what[THROWN, i] = 1 if way < 0 else 0
+            if (w.force[0, i] != 0) | (w.force[1, i] != 0) | (w.force[2, i] != 0):
+                early += 1 if way == 0 else 0
+                late += 1 if way == 1 else 0
+                some += 1 if way > 0 and way < 1 else 0
+    w.late[0] = 0.0
+    if (late > early) & (late > some):
+        w.late[0] = 0.5
+    if (early > late) & (early > some):
+        w.late[0] = -0.5
+
+
+@outlined
+def find_thrown(w: Any, collider: Any, c: Any, before: Any, t: Any, h: Any, first: Any, last: Any) -> None:
+    """Find those of particles [first, last) that a collider has thrown back."""
+    for i in range(first, last):
+        if (w.when[ENDS, i] > 0) & (w.light[i] > 0) & (w.what[THROWN, i] < 2):
+            p, u = fetch(c, i, t), (before[3, i], before[4, i], before[5, i])
+            x, far, looks, thrown = (p.x, p.y, p.z), h * (size_of(u) + size_of((p.vx, p.vy, p.vz))), 0, False
+            while looks < 2:  # where it ends, and at the bend
+                q = moved_to(p, x[0], x[1], x[2], p.vx, p.vy, p.vz, p.t)
+                g, axes = gap_and_normal(collider.shape, q)
+                thrown = (g <= far) & leaves(collider, q, u, whole(axes, g))
+                part, middle = bend_of(w, i, h)
+                looks = looks + 1 if (g <= far) & (not thrown) & (part > 0) else 2
+                x = tuple(type_of(p.x, w.at[axis, i] + middle[axis]) for axis in range(3))
+                far = type_of(far, CLOSE) * p.r
+            w.what[THROWN, i] = 2 if thrown else w.what[THROWN, i]
+
+
+def size_of(v: Any) -> Any:
+    """The length of a vector."""
+    return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+def leaves(collider: Any, p: Any, u: Any, n: Any) -> Any:
+    """Whether a particle leaves a collider that it came to with a velocity u."""
+    along = speed_along(collider, p, n)
+    came = u[0] * n[0] + u[1] * n[1] + u[2] * n[2] - along
+    return (came < 0) & (p.vx * n[0] + p.vy * n[1] + p.vz * n[2] - along >= type_of(came, LEFT) * came)
+
+
+@shared
+def bend_thrown(w: Any, h: Any) -> None:
+    """Bend the ways of all that have been thrown back."""
+    for i in range(w.queue.size):
+        if w.what[THROWN, i] > 0:
+            bend_way(w, i, h)

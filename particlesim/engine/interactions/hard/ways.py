@@ -1,0 +1,253 @@
+"""The ways of hard grains within a step, along which those that are swift are followed (`swift`).
+
+A way is a chord from where the step begins to where it ends, run through at a steady pace; times are parts of the step, 0 to
+1. A particle that something has thrown back in the step has a way of two legs: on from where it began with the velocity that
+it had there, and back from where it ends with the one that it has then, with a bend where these come nearest to each other.
+Velocities change evenly in a step, by what forces have done in all of it, and at time s there is 1 − s of that still to
+come. A method may know them late, or early: with w a property of the method (`turns.way_of`), what has come a way of
+h (v₀ + w Δv) had that velocity in the middle, so at time s it has v₁ − (1 − s) Δv + (w − ½) Δv.
+
+All numbers are of double precision: impacts of a step follow each other, and single precision would add up.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.compiler import outlined
+from particlesim.engine.interactions.neighbours.record import GROUP, level_starts
+from particlesim.engine.state.columns import held, span
+
+BEGUN, BEND, ENDS, DUE, WALL = range(5)
+"""Rows of `when`: the times at which a way begins, bends, and ends, 1 or that of a death, and of its next impacts, on
+another particle and on a collider; a way bends after 1 if it does not, and ends before 0 where a particle is not there."""
+TURNED, PARTNER, SEEN, SLOT, IMPACTS, SIDE, FOLLOWED, THROWN, LAW, HIT = range(10)
+"""Rows of `what`: how often a way has changed, with whom its next impact is, how often that one's way had changed when that
+was found, where it is in the queue, counted from 1, 0 if it is not, how many impacts it has had in the step, which collider
+is next, whether it is looked at where it goes, whether something has thrown it back before, 2 if that was a collider, by
+which of the contacts of the island its next impact is, and whether another particle has hit it."""
+SIZE, STRUCK = range(2)
+"""In `number`: how many are in the queue, and whether an impact has taken place in the step."""
+STRAIGHT = 2.0
+"""The BEND of a way of one leg."""
+SPINS = 9
+"""Row of the state at the beginning of a step at which angular velocities begin."""
+ASTRAY = 1e-3
+"""How far both legs may miss each other, as a part of how much the velocity has changed times the step."""
+
+
+class Ways(NamedTuple):
+    """Of every particle, in double precision: where its way begins, how far it leads in a whole step, both again after its
+    bend, [3, n] each [m]; its velocity at the end of the step, that without what has thrown it back, and by how much forces
+    change it in a whole step [3, n] [m/s]; its angular velocity at the end and at the beginning [3, n] [rad/s]; times
+    [5, n], numbers [10, n]; the displacement of the image that it meets next [3, n] [m]; its inverse mass, 0 of what nothing
+    moves [n] [1/kg]; what to add to its place in a periodic box for an image inside [3, n] [m].
+
+    The queue of impacts [n], and how many there are, and more [2]; by how much velocities are late, w − ½ [1]. Of one
+    impact: room for its friction, as in `Bench` [4]. Members in an order in which neighbours in space are neighbours [room],
+    −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and the cell of each [n]. Boxes
+    about the ways of groups in that order and of nodes above them [6, nodes], and where their levels begin.
+    """
+
+    at: Any
+    go: Any
+    bend: Any
+    on: Any
+    speed: Any
+    first: Any
+    force: Any
+    spin: Any
+    spun: Any
+    when: Any
+    what: Any
+    image: Any
+    light: Any
+    wrap: Any
+    queue: Any
+    number: Any
+    late: Any
+    held: Any
+    order: Any
+    place: Any
+    cells: Any
+    cell: Any
+    boxes: Any
+    levels: Any
+
+
+class Field(NamedTuple):
+    """The ways of all members of the hard contacts of an island, their radii [m], their sides in each of the contacts, and
+    the periods of the box, None without one; and no laws."""
+
+    ways: Ways
+    r: Any
+    sides: Any
+    box: Any
+
+
+def new_ways(particles: int) -> Ways:
+    """Room for the ways of the particles of an island."""
+    at, go, bend, on, speed, first, force, spin, spun = (np.zeros((3, particles)) for _ in range(9))
+    groups = max(-(-particles // GROUP), 1)
+    levels, bits = level_starts(groups), max((groups // 2).bit_length() // 3, 1)
+    return Ways(
+        *(at, go, bend, on, speed, first, force, spin, spun),
+        np.zeros((5, particles)),
+        np.zeros((10, particles), np.int64),
+        np.zeros((3, particles)),
+        np.zeros(particles),
+        np.zeros((3, particles)),
+        np.zeros(particles, np.int64),
+        np.zeros(2, np.int64),
+        np.zeros(1),
+        np.zeros((4, 1)),
+        np.zeros(GROUP * groups, np.int64),
+        np.zeros(particles, np.int64),
+        np.zeros(8**bits + 1, np.int64),
+        np.zeros(particles, np.int64),
+        np.zeros((6, levels[-1])),
+        levels,
+    )
+
+
+def is_member(sides: Any, i: Any) -> Any:
+    """Whether some hard contact acts on a particle."""
+    found = False
+    for side in sides:
+        found = found | (side[i] != 0)
+    return found
+
+
+@outlined
+def begin_ways(f: Any, a: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+    """The ways of all members in a step of h that ends at time t; `a`: their inverse masses."""
+    w = f.ways
+    for i in range(w.light.size):
+        for row in range(10):
+            w.what[row, i] = 0
+        w.when[DUE, i], w.when[WALL, i], w.when[ENDS, i] = np.inf, np.inf, -1.0
+        w.light[i] = 0.0 if held(c.clock, i) else float(a[i])
+        if is_member(f.sides, i):
+            begin_way(f, c, before, i, t, h)
+
+
+def begin_way(f: Any, c: Any, before: Any, i: Any, t: Any, h: Any) -> None:
+    """The way of a particle, unless it is not there."""
+    w, own = f.ways, t - float(h)
+    begin, lasts = span(c.clock, i, own, t, h)
+    part, rests = float(lasts) / float(h), held(c.clock, i)
+    if (part > 0) | rests:
+        start = min(max((begin - own) / float(h), 0.0), 1.0) if part > 0 else 0.0
+        w.when[BEGUN, i], w.when[BEND, i] = start, STRAIGHT
+        w.when[ENDS, i] = 1.0 if (part <= 0) | (start + part > 1 - 1e-9) else start + part
+        lasts = w.when[ENDS, i] - start
+        now, speed = (c.x[i], c.y[i], c.z[i]), (c.vx[i], c.vy[i], c.vz[i])
+        for axis in range(3):
+            w.at[axis, i] = float(now[axis] if part <= 0 else before[axis, i])
+            w.go[axis, i] = (float(now[axis]) - w.at[axis, i]) / lasts if lasts > 0 else 0.0
+            w.speed[axis, i] = float(speed[axis])
+            w.first[axis, i] = float(before[3 + axis, i])
+            w.force[axis, i] = (w.speed[axis, i] - w.first[axis, i]) / lasts if part > 0 else 0.0
+            period = None if f.box is None else f.box[axis]
+            w.wrap[axis, i] = 0.0 if period is None else -period * np.floor(w.at[axis, i] / period)
+        if c.spin is not None:
+            for axis, turns in enumerate((c.spin.wx, c.spin.wy, c.spin.wz)):
+                w.spin[axis, i] = float(turns[i])
+                w.spun[axis, i] = float(turns[i] if part <= 0 else before[SPINS + axis, i])
+
+
+def bend_of(w: Any, i: Any, h: Any) -> Any:
+    """The part of its time after which the way of a particle bends if it has been thrown back in a step of h, less than 0 if
+    its legs do not meet; and where it bends, from where it begins [m]. In `image` is what forces change its velocity by in a
+    step: so the first leg leads where it would have come, and the second one comes from where it would have begun."""
+    lasts = w.when[ENDS, i] - w.when[BEGUN, i]
+    long, one, other = lasts * float(h), lasts * (0.5 + w.late[0]), lasts * (0.5 - w.late[0])
+    u = tuple(w.first[axis, i] + one * w.image[axis, i] for axis in range(3))
+    v = tuple(w.speed[axis, i] - other * w.image[axis, i] for axis in range(3))
+    # from where the second leg is to where the first one is at a time τ: e + τ d
+    d = tuple(long * (u[axis] - v[axis]) for axis in range(3))
+    e = tuple(long * v[axis] - lasts * w.go[axis, i] for axis in range(3))
+    size = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+    part = -(e[0] * d[0] + e[1] * d[1] + e[2] * d[2]) / size if size > 0 else -1.0
+    miss = tuple(e[axis] + part * d[axis] for axis in range(3))
+    astray = miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2] > ASTRAY * ASTRAY * size
+    middle = tuple(part * long * u[axis] - 0.5 * miss[axis] for axis in range(3))
+    return (-1.0 if astray | (part <= 0) | (part >= 1) else part), middle
+
+
+def bend_way(w: Any, i: Any, h: Any) -> None:
+    """Bend the way of a particle that has been thrown back in a step of h, and change its velocity by what is in `image`."""
+    part, middle = bend_of(w, i, h)
+    lasts = w.when[ENDS, i] - w.when[BEGUN, i]
+    if part > 0:
+        for axis in range(3):
+            rest = lasts * w.go[axis, i] - middle[axis]
+            w.bend[axis, i] = w.at[axis, i] + middle[axis]
+            w.go[axis, i], w.on[axis, i] = middle[axis] / (part * lasts), rest / ((1.0 - part) * lasts)
+        w.when[BEND, i] = w.when[BEGUN, i] + part * lasts
+    for axis in range(3):
+        w.force[axis, i] = w.image[axis, i]
+        w.first[axis, i] += lasts * w.force[axis, i]
+
+
+def begin_anew(w: Any, i: Any, h: Any) -> None:
+    """Have a particle that has been thrown back begin its way in a step of h anew, as if nothing were in it."""
+    lasts = w.when[ENDS, i] - w.when[BEGUN, i]
+    for axis in range(3):
+        w.speed[axis, i], w.spin[axis, i] = w.first[axis, i], w.spun[axis, i]
+        w.go[axis, i] = float(h) * (w.speed[axis, i] - (0.5 - w.late[0]) * lasts * w.force[axis, i])
+    w.what[TURNED, i] += 1
+
+
+def leg_of(w: Any, i: Any, s: Any) -> Any:
+    """On which leg of its way a particle is from time s on: when that began, where, and how far it leads in a step."""
+    if s < w.when[BEND, i]:
+        return (
+            w.when[BEGUN, i],
+            (w.at[0, i], w.at[1, i], w.at[2, i]),
+            (w.go[0, i], w.go[1, i], w.go[2, i]),
+        )
+    return (
+        w.when[BEND, i],
+        (w.bend[0, i], w.bend[1, i], w.bend[2, i]),
+        (w.on[0, i], w.on[1, i], w.on[2, i]),
+    )
+
+
+def place_at(w: Any, i: Any, s: Any) -> Any:
+    """Where a particle is at time s."""
+    begun, x, go = leg_of(w, i, s)
+    by = s - begun
+    return x[0] + by * go[0], x[1] + by * go[1], x[2] + by * go[2]
+
+
+def stand_at(w: Any, i: Any, s: Any) -> None:
+    """Have the way of a particle begin at time s, with what is left of its leg, and nothing after that. Where it had been
+    thrown back after that time, it has the velocity of before."""
+    begun, x, go = leg_of(w, i, s)
+    by = s - begun
+    for axis in range(3):
+        w.at[axis, i], w.go[axis, i] = x[axis] + by * go[axis], go[axis]
+        if w.when[BEND, i] < STRAIGHT and s < w.when[BEND, i]:
+            w.speed[axis, i], w.spin[axis, i] = w.first[axis, i], w.spun[axis, i]
+    w.when[BEGUN, i], w.when[BEND, i] = s, STRAIGHT
+    w.what[TURNED, i] += 1
+
+
+def velocity_at(w: Any, i: Any, s: Any) -> Any:
+    """The velocity of a particle at time s, when forces have not yet done all that they do in the step [m/s]."""
+    late = w.when[ENDS, i] - s - w.late[0]
+    return (
+        w.speed[0, i] - late * w.force[0, i],
+        w.speed[1, i] - late * w.force[1, i],
+        w.speed[2, i] - late * w.force[2, i],
+    )
+
+
+def stay(w: Any, i: Any, s: Any) -> None:
+    """Have a particle stay where its way begins, at time s; as if time stood still, nothing acts on it either."""
+    for axis in range(3):
+        w.speed[axis, i] -= (w.when[ENDS, i] - s) * w.force[axis, i]
+        w.go[axis, i] = w.force[axis, i] = 0.0
