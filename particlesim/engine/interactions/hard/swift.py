@@ -64,10 +64,9 @@ def hasten(sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         begin_ways(f, sets[0].a, c, before, t, h)
         bend_ways(w, parts, c, before, t, h)
         laps = choose(f)
+        follow_anew(f, parts, c, t, h)
         for lap in range(laps):
             low, high = float(lap) / laps, float(lap + 1) / laps
-            if lap == 0:
-                follow_anew(f, parts, c, t, h)
             box_ways(f, low, high)
             begin_lap(f, low, high)
             while w.number[SIZE] > 0 and soonest(w, w.queue[0]) <= high:
