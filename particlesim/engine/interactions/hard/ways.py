@@ -96,7 +96,7 @@ def new_ways(particles: int) -> Ways:
     """Room for the ways of the particles of an island."""
     at, go, bend, on, speed, first, force, spin, spun = (np.zeros((3, particles)) for _ in range(9))
     groups = max(-(-particles // GROUP), 1)
-    levels, bits = level_starts(groups), max((groups // 2).bit_length() // 3, 1)
+    levels, bits = level_starts(groups), max(particles.bit_length() // 3, 1)
     return Ways(
         *(at, go, bend, on, speed, first, force, spin, spun),
         np.zeros((6, particles)),
