@@ -80,9 +80,8 @@ def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
     w.what[HIT, i] = w.what[HIT, j] = 1
     d = tuple(w.at[k, i] - w.at[k, j] + image[k] for k in range(3))
     far, g = np.sqrt(dot(d, d)), minus(row(w.go, j), row(w.go, i))
-    n, size = (
-        (d, far) if far > 0 else (g, np.sqrt(dot(g, g)))
-    )  # in one place to rounding, they meet along their ways
+    # in one place to rounding, they meet along their ways
+    n, size = (d, far) if far > 0 else (g, np.sqrt(dot(g, g)))
     n = (n[0] / size, n[1] / size, n[2] / size)
     u = minus(velocity_at(w, i, s), velocity_at(w, j, s))
     pressed = dot(minus(row(w.force, i), row(w.force, j)), n)
