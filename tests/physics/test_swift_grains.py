@@ -110,6 +110,7 @@ def test_impacts_are_those_of_exact_events(e: float, kind: str) -> None:
     reference = Balls(x, v, m, r, e, kind)
     reference.advance(duration)
     assert reference.impacts > 10
+    parts = [("a", slice(0, 10)), ("b", slice(10, n))] if kind == "periodic" else [("a", slice(n))]
     groups = [
         points(
             *map(tuple, x[own]),
@@ -118,7 +119,7 @@ def test_impacts_are_those_of_exact_events(e: float, kind: str) -> None:
             radius=r[own].tolist(),
             name=name,
         )
-        for name, own in (("a", slice(0, 10)), ("b", slice(10, n)))
+        for name, own in parts
     ]
     some: list[Any] = [{"on": ["a"]}, {"on": ["b"]}, {"between": ["a", "b"]}] if kind == "periodic" else [{}]
     walls = [{**wall, "restitution": e} for wall in WALLS] if kind == "walls" else []
@@ -151,6 +152,18 @@ def test_a_bullet_hits_the_first_of_a_row_and_the_last_one_leaves(way: float) ->
     # the blow jumps over the balls, each of which goes as far as the gap before it
     after = [-2 * R, 0.0, 2 * R, 4.3 * R, way * R / 2 + 8 * R]
     assert final.position[:, 0] == pytest.approx(after, abs=8 * EPS * way * R)
+
+
+def test_blows_without_end_are_cut_off_and_told() -> None:
+    """Inelastic blows in a lattice of touching balls follow each other ever faster."""
+    at = [(2 * R * i, 2 * R * j, 2 * R * k) for i, j, k in product(range(8), repeat=3)]
+    speed = [(1e4, 0, 0), *[(0, 0, 0)] * len(at)]
+    balls = points((-50.0, 7 * R, 6.6 * R), *at, velocity=speed, mass=M, radius=R)
+    found = simulate(0.02, 0.01, particles=[balls], interactions=[hard(restitution=0.1)])
+    assert any("a hard grain had 64 impacts in a step" in text for text in found.warnings)
+    v = found.final.velocity
+    assert v.sum(axis=0) == pytest.approx([1e4, 0, 0], abs=1e-9)
+    assert (v**2).sum() < 0.5e8
 
 
 def test_impacts_on_spheres_that_turn_keep_what_there_is() -> None:
@@ -236,10 +249,15 @@ def gaps(x: Floats, r: float) -> float:
     return float(min(d.min() / r - 2, x.min() / r - 1, (1 - x.max()) / r - 1))
 
 
-def test_a_gas_keeps_its_energy_and_comes_to_maxwells_speeds() -> None:
+@pytest.mark.parametrize(
+    ("precision", "most"), [("double", 1e-12), pytest.param("single", 1e-5, marks=pytest.mark.slow)]
+)
+def test_a_gas_keeps_its_energy_and_comes_to_maxwells_speeds(precision: str, most: float) -> None:
     """Impacts and walls in steps of some radii; the mean of v⁴ over that of v² squared goes from 1 to 5/3."""
-    found = ps.run(ps.from_table(gas(5.0, n=300, r=0.03, steps=300)))
-    assert np.abs(energy(found) / energy(found)[0] - 1).max() < 1e-12
+    scenario = gas(5.0, n=300, r=0.03, steps=300)
+    scenario["simulation"]["precision"] = precision
+    found = ps.run(ps.from_table(scenario))
+    assert np.abs(energy(found) / energy(found)[0] - 1).max() < most
     assert gaps(found.final.position, 0.03) > -0.01  # what is slow overlaps a little at the end of a step
     square = (found.final.velocity**2).sum(axis=1)
     # for n = 300 the ratio has a standard deviation of about √(8/3) · (2/3) · √(5/2)/√n, some 0.1
@@ -249,15 +267,15 @@ def test_a_gas_keeps_its_energy_and_comes_to_maxwells_speeds() -> None:
 @pytest.mark.parametrize(
     ("method", "late", "most"),
     [
-        ("velocity_verlet", 0.0, 1e-9),
-        pytest.param("rk4", 0.0, 1e-9, marks=pytest.mark.slow),
+        ("velocity_verlet", 0.0, 1e-3),
+        pytest.param("rk4", 0.0, 1e-3, marks=pytest.mark.slow),
         ("symplectic_euler", 0.5, 0.02),
     ],
 )
 def test_energy_is_kept_under_gravity(method: str, late: float, most: float) -> None:
-    """Impacts take place within steps in which v changes by 0.2 m/s, of some 1: all in uniform fields is exact.
-
-    Velocities of symplectic Euler are half a step late, and low hops on the floor cost it a little.
+    """Impacts take place within steps in which v changes by 0.2 m/s, of some 1, and is that of their time; what is hit as it
+    hops on the floor several times in a step is lifted a little. Velocities of symplectic Euler are half a step late, and
+    low hops cost it some energy.
     """
     g, scenario = 5.0, gas(2.0, method=method, forces=[{"type": "gravity", "acceleration": [0, -5.0, 0]}])
     kick = np.array([0, -late * g * scenario["simulation"]["dt"], 0])

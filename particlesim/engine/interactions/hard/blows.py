@@ -24,6 +24,7 @@ from particlesim.engine.interactions.hard.ways import (
     ENDS,
     HIT,
     IMPACTS,
+    LIFTED,
     SIDE,
     WALL,
     place_at,
@@ -75,17 +76,16 @@ def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
     w, law = each.ways, each.law
     wi, wj, both = w.light[i], w.light[j], w.light[i] + w.light[j]
     image = row(w.image, i)
-    stand_at(w, i, s)
-    stand_at(w, j, s)
+    stand_at(w, i, s, h)
+    stand_at(w, j, s, h)
     w.what[HIT, i] = w.what[HIT, j] = 1
     d = tuple(w.at[k, i] - w.at[k, j] + image[k] for k in range(3))
     far, g = np.sqrt(dot(d, d)), minus(row(w.go, j), row(w.go, i))
-    n, size = (
-        (d, far) if far > 0 else (g, np.sqrt(dot(g, g)))
-    )  # in one place to rounding, they meet along their ways
+    # in one place to rounding, they meet along their ways
+    n, size = (d, far) if far > 0 else (g, np.sqrt(dot(g, g)))
     n = (n[0] / size, n[1] / size, n[2] / size)
     u = minus(velocity_at(w, i, s), velocity_at(w, j, s))
-    pressed = dot(row(w.force, i), n) - dot(row(w.force, j), n)
+    pressed = dot(minus(row(w.force, i), row(w.force, j)), n)
     approach, meets = -dot(u, n), dot(g, n) / float(h)
     change = 0.0
     if approach > 0:
@@ -123,7 +123,7 @@ def tire(w: Any, fed: Any, i: Any, s: Any) -> None:
 def keep_off(w: Any, i: Any, j: Any, n: Any, s: Any) -> Any:
     """Turn the ways of two so that they do not lead into each other; how far that takes them apart in the step [m]. One that
     stays where it is moves only for what nothing moves."""
-    into = dot(row(w.go, j), n) - dot(row(w.go, i), n)
+    into = dot(minus(row(w.go, j), row(w.go, i)), n)
     if into > 0:
         mine = w.light[i] if w.what[IMPACTS, i] < MOST_IMPACTS else 0.0
         other = w.light[j] if w.what[IMPACTS, j] < MOST_IMPACTS else 0.0
@@ -232,7 +232,7 @@ def bounce_off(w: Any, fed: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) 
     """The rebound of a particle from a collider. It stays there until the end of the step, and meets it in the next one, if
     that moves, somebody hears of impacts, or it is to stick or to vanish."""
     s, response = w.when[WALL, i], collider.response
-    stand_at(w, i, s)
+    stand_at(w, i, s, h)
     known = not isinstance(collider.shape, MovingRecord) and response.heard is None
     if known & (w.what[IMPACTS, i] < MOST_IMPACTS - 1) and response.outcome == PASS:
         p = on_way(w, c, i, s, t, h)
@@ -246,7 +246,8 @@ def bounce_off(w: Any, fed: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) 
         w.what[IMPACTS, i] += 1
         into = max(-dot(row(w.go, i), n), 0.0)
         add(w.go, i, into, n)
-        book(fed, into * (1.0 - s) * max(-dot(row(w.force, i), n), 0.0) / (w.light[i] * float(h)))
+        pressed = max(-dot(row(w.force, i), n), 0.0)
+        w.when[LIFTED, i] += into * (1.0 - s) * pressed / (w.light[i] * float(h))
     else:
         tire(w, fed, i, s)
         stay(w, i, s)

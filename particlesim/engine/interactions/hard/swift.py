@@ -25,11 +25,13 @@ from particlesim.engine.interactions.hard.thrown import bend_ways
 from particlesim.engine.interactions.hard.ways import (
     BEGUN,
     BEND,
+    COLLIDER,
     DUE,
     ENDS,
     FOLLOWED,
     HIT,
     LAW,
+    LIFTED,
     PARTNER,
     SEEN,
     SIZE,
@@ -45,6 +47,7 @@ from particlesim.engine.interactions.hard.ways import (
     is_member,
     place_at,
 )
+from particlesim.engine.interactions.lifting import book
 from particlesim.engine.state.columns import type_of
 
 MOST_LAPS = 1000
@@ -61,10 +64,9 @@ def hasten(sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         begin_ways(f, sets[0].a, c, before, t, h)
         bend_ways(w, parts, c, before, t, h)
         laps = choose(f)
+        follow_anew(f, parts, c, t, h)
         for lap in range(laps):
             low, high = float(lap) / laps, float(lap + 1) / laps
-            if lap == 0:
-                follow_anew(f, parts, c, t, h)
             box_ways(f, low, high)
             begin_lap(f, low, high)
             while w.number[SIZE] > 0 and soonest(w, w.queue[0]) <= high:
@@ -82,7 +84,7 @@ def hasten(sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
                             strike(each, c, i, j, s, h)
                     go_on(f, parts, c, i, s, high, t, h)
                     go_on(f, parts, c, j, s, high, t, h)
-        conclude_ways(w, c, before)
+        conclude_ways(w, fed, c, before)
 
 
 @outlined
@@ -137,7 +139,7 @@ def follow_anew(f: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
     again, from impact to impact on colliders."""
     w = f.ways
     for i in range(w.light.size):
-        if (w.what[FOLLOWED, i] > 0) & (w.what[THROWN, i] > 1) & (w.when[BEND, i] == STRAIGHT):
+        if (w.what[FOLLOWED, i] > 0) & (w.what[THROWN, i] == COLLIDER) & (w.when[BEND, i] == STRAIGHT):
             begin_anew(w, i, h)
             find_wall(w, parts, c, i, t, h)
 
@@ -231,7 +233,7 @@ def put(w: Any, k: Any, i: Any) -> None:
 
 
 @outlined
-def conclude_ways(w: Any, c: Any, before: Any) -> None:
+def conclude_ways(w: Any, fed: Any, c: Any, before: Any) -> None:
     """Give all that have been hit their places and velocities. In `before` they get the velocities with which they would
     have come to these without impacts, so that what comes after does not take impacts for forces."""
     for i in range(w.light.size):
@@ -240,6 +242,7 @@ def conclude_ways(w: Any, c: Any, before: Any) -> None:
             for axis, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
                 x[i], v[i] = type_of(x[i], now[axis]), type_of(v[i], w.speed[axis, i])
                 before[3 + axis, i] = type_of(x[i], w.speed[axis, i] - w.force[axis, i])
+            book(fed, w.when[LIFTED, i])
             if c.spin is not None:
                 for axis, spin in enumerate((c.spin.wx, c.spin.wy, c.spin.wz)):
                     spin[i] = type_of(spin[i], w.spin[axis, i])

@@ -1,9 +1,9 @@
 """Which hard grains colliders have thrown back within a step, before their ways are followed (`ways`).
 
 Forces and rebounds look alike where only the ends of a step are known: both change the velocity. A particle counts as
-thrown back by a collider that it may have touched, where its velocity has come to it and leaves it, at the place where it
-ends or at the bend of its way; and if it moves as no method does. Its velocity then does not tell what forces have done in
-the step, which is asked of those that act on particles alone.
+thrown back by a collider that it may have touched, where forces on it alone do not explain how its velocity has changed, and
+that has come to the collider and leaves it, where it ends or at the bend of its way, or has changed along the normal. What
+forces have done to it in the step is then what these have done. What moves as no method does has a bend, too.
 """
 
 from __future__ import annotations
@@ -13,9 +13,18 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined, shared
-from particlesim.engine.interactions.hard.turns import way_of
+from particlesim.engine.interactions.hard.bench import NEAR_WALL
+from particlesim.engine.interactions.hard.turns import NOISE, OTHER, way_of
 from particlesim.engine.interactions.hard.walls import colliders_of, speed_along, whole
-from particlesim.engine.interactions.hard.ways import BEGUN, ENDS, THROWN, bend_of, bend_way
+from particlesim.engine.interactions.hard.ways import (
+    BEGUN,
+    COLLIDER,
+    ENDS,
+    SOMETHING,
+    THROWN,
+    bend_of,
+    bend_way,
+)
 from particlesim.engine.state.columns import fetch, type_of
 from particlesim.laws.registry import force, gap_and_normal, moved_to
 
@@ -53,7 +62,7 @@ def find_method(w: Any, c: Any, before: Any, h: Any) -> None:
         lasts = w.when[ENDS, i] - w.when[BEGUN, i]
         if (lasts > 0) & (w.light[i] > 0):
             way = way_of(c, before, i, lasts * float(h))
-            w.what[THROWN, i] = 1 if way < 0 else 0
+            w.what[THROWN, i] = SOMETHING if way < 0 else 0
             if (w.force[0, i] != 0) | (w.force[1, i] != 0) | (w.force[2, i] != 0):
                 early += 1 if way == 0 else 0
                 late += 1 if way == 1 else 0
@@ -69,18 +78,22 @@ def find_method(w: Any, c: Any, before: Any, h: Any) -> None:
 def find_thrown(w: Any, collider: Any, c: Any, before: Any, t: Any, h: Any, first: Any, last: Any) -> None:
     """Find those of particles [first, last) that a collider has thrown back."""
     for i in range(first, last):
-        if (w.when[ENDS, i] > 0) & (w.light[i] > 0) & (w.what[THROWN, i] < 2):
+        by = unexplained(w, i)
+        if (size_of(by) > 0) & (w.when[ENDS, i] > 0) & (w.light[i] > 0) & (w.what[THROWN, i] != COLLIDER):
             p, u = fetch(c, i, t), (before[3, i], before[4, i], before[5, i])
             x, far, looks, thrown = (p.x, p.y, p.z), h * (size_of(u) + size_of((p.vx, p.vy, p.vz))), 0, False
+            far += type_of(far, NEAR_WALL) * p.r
             while looks < 2:  # where it ends, and at the bend
                 q = moved_to(p, x[0], x[1], x[2], p.vx, p.vy, p.vz, p.t)
                 g, axes = gap_and_normal(collider.shape, q)
-                thrown = (g <= far) & leaves(collider, q, u, whole(axes, g))
+                n = whole(axes, g)
+                along = by[0] * n[0] + by[1] * n[1] + by[2] * n[2]
+                thrown = (g <= far) & (leaves(collider, q, u, n) | (along > 0.5 * size_of(by)))
                 part, middle = bend_of(w, i, h)
                 looks = looks + 1 if (g <= far) & (not thrown) & (part > 0) else 2
                 x = tuple(type_of(p.x, w.at[axis, i] + middle[axis]) for axis in range(3))
                 far = type_of(far, CLOSE) * p.r
-            w.what[THROWN, i] = 2 if thrown else w.what[THROWN, i]
+            w.what[THROWN, i] = COLLIDER if thrown else w.what[THROWN, i]
 
 
 def size_of(v: Any) -> Any:
@@ -93,6 +106,15 @@ def leaves(collider: Any, p: Any, u: Any, n: Any) -> Any:
     along = speed_along(collider, p, n)
     came = u[0] * n[0] + u[1] * n[1] + u[2] * n[2] - along
     return (came < 0) & (p.vx * n[0] + p.vy * n[1] + p.vz * n[2] - along >= type_of(came, LEFT) * came)
+
+
+def unexplained(w: Any, i: Any) -> Any:
+    """By how much the velocity of a particle has changed other than by forces on it alone [m/s]; nothing if it is little."""
+    lasts = w.when[ENDS, i] - w.when[BEGUN, i]
+    kick = tuple(lasts * w.image[axis, i] for axis in range(3))
+    by = tuple(w.speed[axis, i] - w.first[axis, i] - kick[axis] for axis in range(3))
+    least = OTHER * size_of(kick) + NOISE * size_of((w.speed[0, i], w.speed[1, i], w.speed[2, i]))
+    return by if size_of(by) > least else (0.0, 0.0, 0.0)
 
 
 @shared

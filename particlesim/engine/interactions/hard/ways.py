@@ -17,17 +17,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import outlined
+from particlesim.engine.interactions.hard.bench import REST
 from particlesim.engine.interactions.neighbours.record import GROUP, level_starts
 from particlesim.engine.state.columns import held, span
 
-BEGUN, BEND, ENDS, DUE, WALL = range(5)
+BEGUN, BEND, ENDS, DUE, WALL, LIFTED = range(6)
 """Rows of `when`: the times at which a way begins, bends, and ends, 1 or that of a death, and of its next impacts, on
-another particle and on a collider; a way bends after 1 if it does not, and ends before 0 where a particle is not there."""
+another particle and on a collider; a way bends after 1 if it does not, and ends before 0 where a particle is not there.
+And the energy that colliders have given it by keeping it off [J]."""
 TURNED, PARTNER, SEEN, SLOT, IMPACTS, SIDE, FOLLOWED, THROWN, LAW, HIT = range(10)
 """Rows of `what`: how often a way has changed, with whom its next impact is, how often that one's way had changed when that
 was found, where it is in the queue, counted from 1, 0 if it is not, how many impacts it has had in the step, which collider
-is next, whether it is looked at where it goes, whether something has thrown it back before, 2 if that was a collider, by
-which of the contacts of the island its next impact is, and whether another particle has hit it."""
+is next, whether it is looked at where it goes, what has thrown it back before, if something has, by which of all contacts
+its next impact is, and whether another particle has hit it."""
+SOMETHING, COLLIDER, LIES = 1, 2, 3
+"""For THROWN: that it moves as no method does, that a collider has thrown it back, and that it lies on one, or hops no
+higher than what lies."""
 SIZE, STRUCK = range(2)
 """In `number`: how many are in the queue, and whether an impact has taken place in the step."""
 STRAIGHT = 2.0
@@ -42,7 +47,7 @@ class Ways(NamedTuple):
     """Of every particle, in double precision: where its way begins, how far it leads in a whole step, both again after its
     bend, [3, n] each [m]; its velocity at the end of the step, that without what has thrown it back, and by how much forces
     change it in a whole step [3, n] [m/s]; its angular velocity at the end and at the beginning [3, n] [rad/s]; times
-    [5, n], numbers [10, n]; the displacement of the image that it meets next [3, n] [m]; its inverse mass, 0 of what nothing
+    [6, n], numbers [10, n]; the displacement of the image that it meets next [3, n] [m]; its inverse mass, 0 of what nothing
     moves [n] [1/kg]; what to add to its place in a periodic box for an image inside [3, n] [m].
 
     The queue of impacts [n], and how many there are, and more [2]; by how much velocities are late, w − ½ [1]. Of one
@@ -91,10 +96,10 @@ def new_ways(particles: int) -> Ways:
     """Room for the ways of the particles of an island."""
     at, go, bend, on, speed, first, force, spin, spun = (np.zeros((3, particles)) for _ in range(9))
     groups = max(-(-particles // GROUP), 1)
-    levels, bits = level_starts(groups), max((groups // 2).bit_length() // 3, 1)
+    levels, bits = level_starts(groups), max(particles.bit_length() // 3, 1)
     return Ways(
         *(at, go, bend, on, speed, first, force, spin, spun),
-        np.zeros((5, particles)),
+        np.zeros((6, particles)),
         np.zeros((10, particles), np.int64),
         np.zeros((3, particles)),
         np.zeros(particles),
@@ -127,7 +132,7 @@ def begin_ways(f: Any, a: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     for i in range(w.light.size):
         for row in range(10):
             w.what[row, i] = 0
-        w.when[DUE, i], w.when[WALL, i], w.when[ENDS, i] = np.inf, np.inf, -1.0
+        w.when[DUE, i], w.when[WALL, i], w.when[ENDS, i], w.when[LIFTED, i] = np.inf, np.inf, -1.0, 0.0
         w.light[i] = 0.0 if held(c.clock, i) else float(a[i])
         if is_member(f.sides, i):
             begin_way(f, c, before, i, t, h)
@@ -178,7 +183,8 @@ def bend_of(w: Any, i: Any, h: Any) -> Any:
 
 
 def bend_way(w: Any, i: Any, h: Any) -> None:
-    """Bend the way of a particle that has been thrown back in a step of h, and change its velocity by what is in `image`."""
+    """Bend the way of a particle that has been thrown back in a step of h, unless its legs do not meet. What forces change
+    its velocity by is then what is in `image`; where colliders have changed it by no more than twice that, it lies."""
     part, middle = bend_of(w, i, h)
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     if part > 0:
@@ -187,9 +193,15 @@ def bend_way(w: Any, i: Any, h: Any) -> None:
             w.bend[axis, i] = w.at[axis, i] + middle[axis]
             w.go[axis, i], w.on[axis, i] = middle[axis] / (part * lasts), rest / ((1.0 - part) * lasts)
         w.when[BEND, i] = w.when[BEGUN, i] + part * lasts
-    for axis in range(3):
-        w.force[axis, i] = w.image[axis, i]
-        w.first[axis, i] += lasts * w.force[axis, i]
+    if (part > 0) | (w.what[THROWN, i] == COLLIDER):
+        kick, push = 0.0, 0.0
+        for axis in range(3):
+            by = w.speed[axis, i] - w.first[axis, i] - lasts * w.image[axis, i]
+            kick, push = kick + w.image[axis, i] * w.image[axis, i], push + by * by
+            w.force[axis, i] = w.image[axis, i]
+            w.first[axis, i] += lasts * w.force[axis, i]
+        if (part <= 0) & (push <= REST * REST * kick):
+            w.what[THROWN, i] = LIES
 
 
 def begin_anew(w: Any, i: Any, h: Any) -> None:
@@ -223,16 +235,19 @@ def place_at(w: Any, i: Any, s: Any) -> Any:
     return x[0] + by * go[0], x[1] + by * go[1], x[2] + by * go[2]
 
 
-def stand_at(w: Any, i: Any, s: Any) -> None:
-    """Have the way of a particle begin at time s, with what is left of its leg, and nothing after that. Where it had been
-    thrown back after that time, it has the velocity of before."""
+def stand_at(w: Any, i: Any, s: Any, h: Any) -> None:
+    """Have the way of a particle begin at time s of a step of h, with what is left of its leg, and nothing after that. Where
+    it had been thrown back after that time, it has the velocities of before; what lies has that of its way."""
     begun, x, go = leg_of(w, i, s)
-    by = s - begun
+    by, late = s - begun, w.when[ENDS, i] - s - w.late[0]
     for axis in range(3):
         w.at[axis, i], w.go[axis, i] = x[axis] + by * go[axis], go[axis]
         if w.when[BEND, i] < STRAIGHT and s < w.when[BEND, i]:
             w.speed[axis, i], w.spin[axis, i] = w.first[axis, i], w.spun[axis, i]
+        if w.what[THROWN, i] == LIES:
+            w.speed[axis, i] = go[axis] / float(h) + late * w.force[axis, i]
     w.when[BEGUN, i], w.when[BEND, i] = s, STRAIGHT
+    w.what[THROWN, i] = min(w.what[THROWN, i], COLLIDER)
     w.what[TURNED, i] += 1
 
 
