@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.moving import MovingRecord, alight, ride
+from particlesim.colliders.response import along, at_rest
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import (
@@ -32,7 +34,7 @@ from particlesim.engine.step.moments import (
 )
 from particlesim.engine.step.particle_step import restart
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
-from particlesim.laws.registry import PASS, contact, gap, moved_to, with_radius
+from particlesim.laws.registry import PASS, contact, gap, gap_and_normal, moved_to, with_radius
 
 MAX_IMPACTS = 1024
 """Impacts followed within one step; a particle with more is counted, and finishes the step without rebound. A bound on the
@@ -181,11 +183,25 @@ def follow(
         calm = LIVELY
     if early:  # what moves has gone on meanwhile
         ends = LYING
-        p = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, end)
+        p = _pushed(contacts.continuous, p, rounding(contacts, p), end)
         p, outcome = separate(contacts.resting, p, p, contacts)
     if outcome == PASS and nearest(contacts.continuous, p) < -rounding_of_step(contacts, legal, p, h):
         p, outcome = separate(contacts.resting, p, legal, contacts)  # what friction moved in a corner
     return p, memory, outcome, hit, exhausted, legal, ends, alone, hits
+
+
+def _pushed(colliders: Any, p: Any, slack: Any, end: Any) -> Any:
+    """A particle that has had too many impacts, at the end of its step: it stays, or goes with what pushes it on."""
+    r = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, end)
+    for c in colliders:
+        if isinstance(c.shape, MovingRecord):
+            local, zero = ride(c.shape, p), p.x - p.x
+            g, n = gap_and_normal(at_rest(c), local)
+            pushes = (g <= slack) & (along(n, local) <= 0)
+            r = chosen(
+                pushes, alight(c.shape, moved_to(p, local.x, local.y, local.z, zero, zero, zero, end)), r
+            )
+    return r
 
 
 @outlined
