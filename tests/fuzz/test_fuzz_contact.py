@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fuzz.fuzz_contact import broken_rules, search
+from fuzz.fuzz_contact import Drawn, broken_in_scene, broken_rules, search
 from simulate import points, way
 
 
@@ -73,6 +73,63 @@ def test_what_the_fuzz_has_found_once(seed: int, particles: int, scene: str | No
     _, steps, wrong = broken_rules(seed, particles, scene, among)
     assert wrong == []
     assert steps == 20 * len(among)
+
+
+DRAWN = [
+    *(39666544, "velocity_verlet", 1, 0.0, "room", 0.008333333333330065, "floor", 0.05867129443073881),
+    *(
+        0.30579777757038,
+        0.3697027407028015,
+        75.86024660184833,
+        0.0,
+        "box",
+        0.8,
+        1.0,
+        1e-09,
+        0.2,
+        0.1706858061527328,
+    ),
+    *("cylinder", 2.0, 0, 0, 2.0, 1.0, 0.3933576939479908, 0.3089015008593399, 0.3, 0.1, 0.3, 0.2),
+    *(
+        0.3333333333333333,
+        0.3333333333333333,
+        0,
+        0,
+        0.3,
+        1e-09,
+        0.4062452631167228,
+        0.2052039952733083,
+        0,
+        0.1,
+        1e-09,
+    ),
+    *(
+        1e-09,
+        0.5866092272215919,
+        0.48498097654467454,
+        0.8,
+        0,
+        0.3,
+        0.2,
+        0.695952755563713,
+        2.93177550584344,
+        0.0,
+        1.0,
+    ),
+    -2.839162236332608,
+]
+"""What hypothesis drew: a smooth cylinder is led over a floor whose kinetic friction is above its static one."""
+
+
+@pytest.mark.filterwarnings("ignore:Using `assume` outside")  # what was drawn is what it assumes
+def test_what_stops_after_each_push_is_not_overrun() -> None:
+    draws = iter(DRAWN)
+    rng = Drawn(lambda _: next(draws))
+    _, steps, wrong = broken_in_scene(
+        rng, rng, "hypothesis", 65536, among=[46047, 47701], method=str(rng.draw(None))
+    )
+    assert wrong == []
+    assert steps == 40
 
 
 def test_velocities_of_symplectic_euler_are_late_after_too_many_impacts_too() -> None:

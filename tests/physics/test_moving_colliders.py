@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import G, points, simulate, table, way
+from simulate import G, points, simulate, way
 
 import particlesim as ps
-from particlesim.engine.simulation import Simulation
 
 GRAVITY = [{"type": "gravity"}]
 
@@ -358,32 +357,3 @@ def test_what_closes_on_particles_is_told_with_who_and_when(floor: dict[str, Any
     assert "of 'balls', with a radius of 0.1 m, which is 0.01 m inside of box piston there" in text
     assert not warnings(0.79)
     assert warnings(0.95, "slide")
-
-
-def test_a_smooth_cylinder_pushes_what_a_rough_floor_stops_at_once() -> None:
-    # Each push is taken back by kinetic friction above static friction: more impacts than are followed in a step.
-    rough = {"static": 1e-9, "kinetic": 0.2}
-    floor = {"type": "box", "center": [0, -0.5, 0], "size": [3, 1, 3], "restitution": 0.8, "friction": rough}
-    ends = {"start": [0.7, 0, 0.7], "end": [0.7, 0.48498097654467454, 0.7]}
-    cylinder = {
-        "type": "cylinder",
-        "name": "ram",
-        **ends,
-        "radius": 0.2933,
-        "restitution": 0,
-        "friction": 1e-9,
-    }
-    gravity = {"type": "gravity", "acceleration": [0.20878583, -2.13371441, 0]}
-    lead = {"collider": "ram", "path": ["x + 0.2*sin(2*t)", "y", "z"]}
-    places = points((0.83381581, 0, 0.96228293), (0.792741495, 0, 0.979168481))
-    dt = 0.0014482307471162825
-    scene = table(
-        50 * dt, dt, particles=[places], colliders=[floor, cylinder], forces=[gravity], motions=[lead]
-    )
-    simulation = Simulation(ps.from_table(scene), threads=1)
-    for step in range(1, 51):
-        simulation.advance_to(step)
-        x, _, z = simulation.states[0].x
-        away = np.hypot(x - 0.7 - 0.2 * np.sin(2 * dt * step), z - 0.7)
-        assert away.min() > 0.29330461361079596 - 1e-9
-    simulation.close()
