@@ -226,6 +226,18 @@ def test_what_lies_is_not_heard_and_colliders_are_told_apart() -> None:
     assert born(dropped(restitution=0.0, **parts)).born == 0
 
 
+def test_every_bounce_of_a_lone_ball_is_heard() -> None:
+    ball = {
+        "name": "die",
+        "shape": {"type": "sphere", "radius": 0.1},
+        "density": 500,
+        "position": [0, 0.6, 0],
+    }
+    floor = [{"name": "floor", "on": ["die"], "restitution": 0.8}]
+    # √(2 h/g) = 0.319 s, and 0.511, 0.409, 0.327 s between the next ones: four by 1.6 s
+    assert born(dropped(bodies=[ball], planes=floor, simulation={"duration": 1.6, "dt": 1e-3})).born == 8
+
+
 def test_births_at_bodies_that_they_touch_are_refused() -> None:
     touch = {"type": "contact", "on": ["die", "dust"]}
     with pytest.raises(ps.ScenarioError, match="act on each other in every step"):

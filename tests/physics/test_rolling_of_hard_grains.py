@@ -13,10 +13,12 @@ from simulate import EPS, Table, points, simulate, table
 
 import particlesim as ps
 from particlesim.colliders.response import FrictionRecord
+from particlesim.compiler import kernel
+from particlesim.engine.interactions.hard.friction import held_by
 from particlesim.engine.interactions.hard.memory import Known, known_by, with_room
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
-from particlesim.engine.step.rubbing import slowed
+from particlesim.engine.step.rubbing import limited, slowed
 
 R, M, G, MU = 0.05, 0.1, 9.81, 0.2
 PILE = ((0.0, R, 0.0), (2 * R, R, 0.0), (R, R + math.sqrt(3) * R, 0.0))
@@ -302,3 +304,22 @@ def test_what_is_known_of_rolling_follows_its_particles() -> None:
     more = with_room(found, 9)
     assert np.array_equal(more.rolled[:3], found.rolled[:3])
     assert more.rolled.shape == (9, 3)
+
+
+@pytest.mark.optimised
+def test_what_hardly_moves_in_single_precision_stays_finite() -> None:
+    # Below 10⁻¹⁹ m/s squares are denormal, of which processors take inverse roots to be infinite.
+    @kernel
+    def hold(held: Any, out: Any, speed: Any, push: Any) -> None:
+        slip = (speed, speed, speed)
+        for k, each in enumerate(held_by(held, 0, slip, speed / speed, push, push / push, push / push)):
+            out[k] = each
+        for k, each in enumerate(limited(slip, push)):
+            out[3 + k] = each
+
+    for speed in (1e-17, 1e-19, 1e-20, 1e-22):
+        for push in (1e-19, 1e-22):
+            held, out = np.zeros((4, 1), np.float32), np.zeros(6, np.float32)
+            hold(held, out, np.float32(speed), np.float32(push))
+            assert np.isfinite(out).all()
+            assert np.isfinite(held).all()

@@ -20,6 +20,7 @@ from particlesim.engine.rigid.free import move, own
 from particlesim.engine.rigid.grains import asks, settle_guests
 from particlesim.engine.rigid.hearing import note_impacts, silence
 from particlesim.engine.rigid.joints import drift_joined, fit, level
+from particlesim.engine.rigid.memory import forget
 from particlesim.engine.rigid.narrow import entry, plus
 from particlesim.engine.rigid.rotation import (
     dot,
@@ -255,7 +256,9 @@ def step_bodies(
         lay_out(b, k, motion)
         kick(scene, b, motion, middle, dt)
         held = True
-        if k.number[0] > 0 or scene.joints is not None:
+        if k.number[0] == 0 and scene.joints is None:
+            forget(memory)
+        else:
             solve(b, k, motion, memory, scene.joints, dt)
             if scene.hearing is not None:
                 note_impacts(scene.hearing, b, k, motion, middle)

@@ -49,11 +49,16 @@ def recall(b: Any, k: Any, motion: Any, memory: Any) -> None:
                 strike(b, k, motion, c, d, k.impulse[c, d])
 
 
+def forget(memory: Any) -> None:
+    """Nothing touched in this step."""
+    for at in range(memory.keys.shape[1]):
+        memory.keys[0, at] = NOBODY
+
+
 @outlined
 def remember(k: Any, memory: Any) -> None:
     """Keep the impulses for the next step."""
-    for at in range(memory.keys.shape[1]):
-        memory.keys[0, at] = NOBODY
+    forget(memory)
     for c in range(k.number[0]):
         if k.impulse[c, 0] > 0 or k.turns[c] > 0:
             at = address(memory, k.first[c], k.second[c], k.feature[c])

@@ -36,6 +36,8 @@ NEAR = 1e-6
 """Part of the radius by which a particle that lies may be off a surface."""
 MOST = 0.5
 """Part of the radius by which friction may move a particle in a step: not through a sheet."""
+STILL = 1e-18
+"""Speed that is none [m/s]: processors know inverse roots of its square in single precision no more."""
 TURNS = 8
 """Turns between sliding and rolling friction of what slides."""
 
@@ -65,7 +67,7 @@ def rub(c: Any, rolling: Any, columns: Any, i: Any, p: Any, n: Any, push: Any) -
         spin_up(s, i, k, cross(n, tuple(a - b for a, b in zip(q, change, strict=True))))
         return change
     speed, share = np.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2]), type_of(push, 2 / 7)
-    holds = share * speed <= friction.static * push
+    holds = share * speed <= max(friction.static * push, type_of(push, STILL))
     part = share if holds else min(friction.kinetic * push / speed, share)
     change = tuple(-part * a for a in slip)
     k = type_of(push, 2.5) / (r if r > 0 else one)
@@ -109,7 +111,7 @@ def slowed(slip: Any, roll: Any, friction: Any, rolling: Any, push: Any) -> Any:
 def within(v: Any, most: Any) -> Any:
     """The part of a vector that is at most as long."""
     size = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    return most / size if size > most else type_of(size, 1)
+    return most / size if size > max(most, type_of(size, STILL)) else type_of(size, 1)
 
 
 def limited(v: Any, most: Any) -> Any:

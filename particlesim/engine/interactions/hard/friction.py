@@ -26,6 +26,7 @@ from particlesim.engine.interactions.hard.at_once import PARTS, root
 from particlesim.engine.interactions.hard.bench import ARM, LIMIT, SHARE, SPINS, WORK
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.state.columns import type_of
+from particlesim.engine.step.rubbing import STILL
 
 ALIKE = 1e-3
 """What two spheres may differ in to count as equal, as a part of it."""
@@ -75,7 +76,7 @@ def held_by(held: Any, k: Any, slip: Any, share: Any, given: Any, static: Any, k
     x, y, z = tx - share * slip[0], ty - share * slip[1], tz - share * slip[2]
     size, had = x * x + y * y + z * z, tx * tx + ty * ty + tz * tz
     most = type_of(size, static) * given
-    slides = size > max(most * most, had)
+    slides = size > max(max(most * most, had), type_of(size, STILL * STILL))
     if slides:
         part = min(max(type_of(size, kinetic) * given, np.sqrt(had)) / np.sqrt(size), type_of(size, 1))
         x, y, z = part * x, part * y, part * z

@@ -43,6 +43,7 @@ from particlesim.engine.interactions.hard.turns import give_pair
 from particlesim.engine.interactions.hard.walls import push_at_wall, roll_at_wall, turn_at_wall
 from particlesim.engine.interactions.interaction import Ints
 from particlesim.engine.state.columns import type_of
+from particlesim.engine.step.rubbing import STILL
 
 ROUNDING = 1e-12
 """What may be added, as a part of what all impulses would add one by one."""
@@ -219,7 +220,8 @@ def remember(each: Any, walls: Any) -> None:
 
 def within(square: Any, most: Any) -> Any:
     """The part of a vector that is at most as long."""
-    return most / np.sqrt(square) if square > most * most else type_of(square, 1)
+    much = max(most * most, type_of(square, STILL * STILL))
+    return most / np.sqrt(square) if square > much else type_of(square, 1)
 
 
 def _keep(each: Any, k: Any, i: Any, other: Any, normal: Any, q: Any) -> None:
