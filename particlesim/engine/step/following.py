@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from particlesim.colliders.moving import MovingRecord, alight, ride
-from particlesim.colliders.response import along, at_rest
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import (
@@ -34,7 +33,7 @@ from particlesim.engine.step.moments import (
 )
 from particlesim.engine.step.particle_step import restart
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
-from particlesim.laws.registry import PASS, contact, gap, gap_and_normal, moved_to, with_radius
+from particlesim.laws.registry import PASS, contact, gap, moved_to, with_radius
 
 MAX_IMPACTS = 1024
 """Impacts followed within one step; a particle with more is counted, and finishes the step without rebound. A bound on the
@@ -196,8 +195,7 @@ def _pushed(colliders: Any, p: Any, slack: Any, end: Any) -> Any:
     for c in colliders:
         if isinstance(c.shape, MovingRecord):
             local, zero = ride(c.shape, p), p.x - p.x
-            g, n = gap_and_normal(at_rest(c), local)
-            pushes = (g <= slack) & (along(n, local) <= 0)
+            pushes = (gap(c, p) <= slack) & (gap(c, r) < -slack)
             r = chosen(
                 pushes, alight(c.shape, moved_to(p, local.x, local.y, local.z, zero, zero, zero, end)), r
             )
