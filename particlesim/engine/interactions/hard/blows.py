@@ -39,6 +39,8 @@ from particlesim.laws.registry import PASS, gap_and_normal, moved_to, with_radiu
 
 MOST_IMPACTS = 64
 """Impacts of a particle in a step, after which it stays where it is until the end of the step."""
+CORNERS = 2
+"""How often all colliders are looked at that something may have been pushed into."""
 ROUNDING = 1e-12
 """Rate at which what lies on a collider comes closer to it by rounding, as a part of its pace."""
 TOUCHES, LEAVES, MOST_STRIDES = 1e-9, 0.05, 256
@@ -251,6 +253,27 @@ def bounce_off(w: Any, fed: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) 
     else:
         tire(w, fed, i, s)
         stay(w, i, s)
+
+
+def put_back(w: Any, fed: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
+    """Put what has been hit out of colliders in which it ends: pairs that were kept off each other may push into one."""
+    for _ in range(CORNERS):
+        for part in parts:
+            for collider in colliders_of(part):
+                put_out_of(w, fed, collider, c, t, h, part.first, part.last)
+
+
+@outlined
+def put_out_of(w: Any, fed: Any, collider: Any, c: Any, t: Any, h: Any, first: Any, last: Any) -> None:
+    """Put those of particles [first, last) that have been hit out of a collider."""
+    for i in range(first, last):
+        if (w.what[HIT, i] > 0) & (w.light[i] > 0):
+            g, axes = look_from(w, collider, c, i, w.when[ENDS, i], t, h)
+            if g < -TOUCHES * float(c.r[i]):
+                n = whole(axes, g)
+                stand_at(w, i, w.when[ENDS, i], h)
+                add(w.at, i, -float(g), n)
+                book(fed, -float(g) * max(-dot(row(w.force, i), n), 0.0) / (w.light[i] * float(h)))
 
 
 def rebounded(w: Any, collider: Any, c: Any, i: Any, p: Any, axes: Any, n: Any, approach: Any) -> Any:

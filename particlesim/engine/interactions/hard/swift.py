@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined, shared
-from particlesim.engine.interactions.hard.blows import find_wall, hit_wall, strike
+from particlesim.engine.interactions.hard.blows import find_wall, hit_wall, put_back, strike
 from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next
 from particlesim.engine.interactions.hard.thrown import bend_ways
 from particlesim.engine.interactions.hard.ways import (
@@ -84,6 +84,7 @@ def hasten(sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
                             strike(each, c, i, j, s, h)
                     go_on(f, parts, c, i, s, high, t, h)
                     go_on(f, parts, c, j, s, high, t, h)
+        put_back(w, fed, parts, c, t, h)
         conclude_ways(w, fed, c, before)
 
 
