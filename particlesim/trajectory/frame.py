@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -71,6 +71,14 @@ class Frame:
         if field not in self._loaded:
             self._loaded[field] = self._load(field)
         return self._loaded[field]
+
+    def __contains__(self, field: object) -> bool:
+        """Whether a field was recorded."""
+        return field in self.fields
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the recorded fields."""
+        return iter(self.fields)
 
     def __getattr__(self, name: str) -> Array:
         if name.startswith("_"):  # copy and pickle probe for these before __init__ has run

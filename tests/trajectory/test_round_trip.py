@@ -106,6 +106,9 @@ def test_sequence_protocol(tmp_path, synthetic):
         frame = trajectory[0]
         assert frame.velocity is frame["velocity"]
         assert "temperature" in dir(frame)
+        assert "temperature" in frame
+        assert "nothing" not in frame
+        assert list(frame) == list(frame.fields)
         np.testing.assert_array_equal(frame.of("sparks"), frame.id % 2 == 0)
     with pytest.raises(UsageError, match="closed"):
         trajectory[1].position  # noqa: B018
