@@ -32,6 +32,16 @@ LEVEL, TILT = 1e-7, 1e-6
 
 
 @outlined
+def is_beside(walls: Any, own: Any, group: Any, x: Any, far: Any, t: Any) -> bool:
+    """Whether another collider than that with the number `own` comes nearer than so `far` to a body of a group at x."""
+    found = False
+    for wall in walls:
+        if not found and wall.number != own and wall.on[group] > 0:
+            found = gap(wall.shape, probe(x, far, t)) < 0
+    return found
+
+
+@outlined
 def settle_ghosts(walls: Any, wall: Any, k: Any, group: Any, first: Any, slop: Any, t: Any) -> None:
     """Drop ghosts, or have them turned, among contacts of a body of a group with a collider, from `first` on."""
     look, kept = LOOK * slop, first

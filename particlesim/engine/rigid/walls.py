@@ -32,7 +32,7 @@ from particlesim.engine.rigid.bodies import (
     set_fall,
     set_surface,
 )
-from particlesim.engine.rigid.ghosts import settle_ghosts
+from particlesim.engine.rigid.ghosts import LOOK, is_beside, settle_ghosts
 from particlesim.engine.rigid.manifold import LEANING, OTHER, SPAN
 from particlesim.engine.rigid.narrow import GOLDEN, box_distance, box_normal, clamped, half_axis, minus, plus
 from particlesim.engine.rigid.pieces import corner, solid_of
@@ -87,8 +87,10 @@ def touch_wall(scene: Any, wall: Any, b: Any, k: Any, i: Any, margin: Any, t: An
             s = solid_of(p, number, place(b, i), r)
             code = FEATURES * (1 + wall.number) + SPAN * (number - p.first[g])
             touch_piece(wall, k, p, i, s, margin, t, code)
-    if len(scene.walls) > 1:
-        settle_ghosts(scene.walls, wall, k, g, begin, scene.slop, t)
+    if len(scene.walls) > 1 and k.number[0] > begin:
+        far = b.reach[i] + margin + LOOK * scene.slop
+        if is_beside(scene.walls, wall.number, g, place(b, i), far, t):
+            settle_ghosts(scene.walls, wall, k, g, begin, scene.slop, t)
     for number in range(begin, k.number[0]):
         set_surface(k, number, wall.restitution, wall.static, wall.kinetic)
         if wall.falling is not None:
