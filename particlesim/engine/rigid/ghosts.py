@@ -3,11 +3,11 @@
 A corner that rests on two boxes side by side is a little below their tops, and comes to the hidden side of the next box as
 to a wall; a ball comes to the hidden edge before it is above it, and is thrown up. In truth both go on over one face.
 
-A contact with collider B at p with the normal n is a ghost if another collider A passes through p and has there, at p + ε n,
-another normal m, and B goes on with the same face: at q = p + ε m − ε s, where s is the unit vector of n − (n·m) m, B has the
-normal m and is as far below q as the face of A is. On a step, in a corner of walls or under a plate that leans there, q is
-inside of B, and nothing is flush at a free edge. So A holds the body, and the ghost is dropped. Where the body is not over A
-yet, or no more, as over the seam itself, it has the contact that the common face gives, with the normal m.
+A contact with collider B at p with the normal n is a ghost if another collider A passes through p and has another normal m
+there, at p + ε n, and B goes on with the same face: at q = p + ε m − ε s, where s is the unit vector of n − (n·m) m, B has
+the normal m and is as far below q as the face of A is. On a step, in a corner of walls or under a plate that leans there, q
+is inside of B, and nothing is flush at a free edge. So A holds the body, and the ghost is dropped. Where the body is not
+over A, as over the seam itself, it gets the contact that the common face gives, with the normal m.
 """
 
 from __future__ import annotations
