@@ -52,7 +52,7 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
         for i in range(n):
             if wall.on[b.group[i]] > 0:
                 first = k.number[0]
-                touch_wall(wall, b, k, i, margin[i], t, h)
+                touch_wall(scene, wall, b, k, i, margin[i], t, h)
                 if scene.surfaces.rolling is not None:
                     find_rolling(scene.surfaces.rolling, b, k, first, spin_of(wall.shape))
     for s in range(1, n):

@@ -31,8 +31,9 @@ from particlesim.engine.rigid.free import move, own, velocity_of
 from particlesim.engine.rigid.hearing import note_swift
 from particlesim.engine.rigid.impact import rebound
 from particlesim.engine.rigid.narrow import minus, touch
+from particlesim.engine.rigid.probing import probe
 from particlesim.engine.rigid.rotation import dot, turned_freely
-from particlesim.engine.rigid.walls import probe, touch_wall
+from particlesim.engine.rigid.walls import touch_wall
 from particlesim.laws.registry import gap
 
 SWIFT, VERY, JOINED = 0.5, 0.5, 1.0
@@ -222,7 +223,7 @@ def look_at_wall(scene: Any, wall: Any, b: Any, motion: Any, i: Any, t: Any, lef
     if far > STRIDE * scene.swift.inner[i]:
         return float(far / fast)
     k.number[0] = k.number[1] = 0
-    touch_wall(wall, b, k, i, fast * left + TOUCHING * scene.swift.inner[i], t, 0.0)
+    touch_wall(scene, wall, b, k, i, fast * left + TOUCHING * scene.swift.inner[i], t, 0.0)
     return outlook(scene, b, motion, i, WORLD, fast, True, left)
 
 

@@ -32,12 +32,13 @@ from particlesim.engine.rigid.bodies import (
     set_fall,
     set_surface,
 )
+from particlesim.engine.rigid.ghosts import LOOK, is_beside, settle_ghosts
 from particlesim.engine.rigid.manifold import LEANING, OTHER, SPAN
 from particlesim.engine.rigid.narrow import GOLDEN, box_distance, box_normal, clamped, half_axis, minus, plus
 from particlesim.engine.rigid.pieces import corner, solid_of
+from particlesim.engine.rigid.probing import away, probe
 from particlesim.engine.rigid.rotation import cross, dot, matrix, to_body, to_world
-from particlesim.laws.registry import Particle, gap, normal
-from particlesim.model.attributes import FURTHER
+from particlesim.laws.registry import gap
 
 FLAT = (PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord)
 """Shapes whose nearest place to an edge is at one of its ends."""
@@ -71,25 +72,9 @@ class Wall(NamedTuple):
     falling: FallingRecord | None = None
 
 
-def probe(p: Any, radius: Any, t: Any) -> Any:
-    """A point with a radius, as colliders see particles."""
-    zero = 0.0
-    return Particle(p[0], p[1], p[2], zero, zero, zero, 1.0, radius, zero, t, 1.0, *[zero for _ in FURTHER])
-
-
-def away(shape: Any, p: Any) -> Any:
-    """The normal of a collider; a component that is always zero may be None."""
-    n = normal(shape, p)
-    return (
-        0.0 if n[0] is None else n[0],
-        0.0 if n[1] is None else n[1],
-        0.0 if n[2] is None else n[2],
-    )
-
-
 @outlined
-def touch_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, h: Any) -> None:
-    """Note the contacts of body i with a collider that are nearer than a margin."""
+def touch_wall(scene: Any, wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, h: Any) -> None:
+    """Note the contacts of body i with a collider that are nearer than a margin, but for ghosts (`ghosts`)."""
     begin, p, g = k.number[0], b.pieces, b.group[i]
     if isinstance(wall.shape, MovingRecord):
         f = frame_at(wall.shape, t, 0.0)
@@ -102,6 +87,10 @@ def touch_wall(wall: Any, b: Any, k: Any, i: Any, margin: Any, t: Any, h: Any) -
             s = solid_of(p, number, place(b, i), r)
             code = FEATURES * (1 + wall.number) + SPAN * (number - p.first[g])
             touch_piece(wall, k, p, i, s, margin, t, code)
+    if len(scene.walls) > 1 and k.number[0] > begin:
+        far = b.reach[i] + margin + LOOK * scene.slop
+        if is_beside(scene.walls, wall.number, g, place(b, i), far, t):
+            settle_ghosts(scene.walls, wall, k, g, begin, scene.slop, t)
     for number in range(begin, k.number[0]):
         set_surface(k, number, wall.restitution, wall.static, wall.kinetic)
         if wall.falling is not None:
