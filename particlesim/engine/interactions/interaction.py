@@ -71,8 +71,9 @@ class Interaction:
     concludes: ClassVar[bool] = False
     """Whether it has something to do at the end of every step (`conclude`)."""
     looks_back: ClassVar[bool] = False
-    hastens: ClassVar[bool] = False
     """Whether it then needs the state at the beginning of the step."""
+    hastens: ClassVar[bool] = False
+    """Whether it looks at what happens within a step, before it concludes it (`hasten`)."""
 
     # ---- kernels: forces, and the matrix of implicit methods
 
