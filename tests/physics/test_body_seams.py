@@ -70,7 +70,7 @@ def test_a_block_slides_over_a_seam(x: float, speed: float, overlap: float, angl
 
     In the middle of a step it is h²/8 times its deceleration beyond the parabola, and in its last step h v/2 with v < μ g h:
     both far less than a thousandth of the way. More corners than three leave open which of them presses how much, so one
-    that comes askew may turn by some mrad."""
+    that comes askew may turn by 10 mrad (by half of that in the quaternion)."""
     mu = 0.1
     way = speed * speed / (2 * mu * G)
     got = run(side_by_side(overlap), block(x, speed, angle), math.ceil(10 * speed / (mu * G)) / 10, mu=mu)
