@@ -11,6 +11,7 @@ import os
 import shutil
 import signal
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 
 import pytest
@@ -39,9 +40,23 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if config.getoption("--slow"):
         return
-    slow = [each for each in items if each.get_closest_marker("slow")]
+    cases = Counter[str]()
+    slow = []
+    for each in items:
+        name = each.nodeid.partition("[")[0]
+        if each.get_closest_marker("slow") or _between_samples(each, cases[name]):
+            slow.append(each)
+        cases[name] += 1
     config.hook.pytest_deselected(items=slow)
-    items[:] = [each for each in items if not each.get_closest_marker("slow")]
+    left = set(map(id, slow))
+    items[:] = [each for each in items if id(each) not in left]
+
+
+def _between_samples(item: pytest.Item, case: int) -> bool:
+    """Whether a case of a grid of them, marked `sampled(n)`, is none of those that run. They are not each n-th one, which
+    may all have the same value of the parameter that changes most often."""
+    mark = item.get_closest_marker("sampled")
+    return mark is not None and (case + case // mark.args[0]) % mark.args[0] != 0
 
 
 def pytest_collection_finish() -> None:

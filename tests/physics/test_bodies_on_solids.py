@@ -34,6 +34,7 @@ SOLIDS: dict[str, tuple[dict[str, Any], float]] = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("solid", SOLIDS)
 def test_a_ball_rests_at_the_height_of_its_contact_and_keeps_e_of_its_speed(
     solid: str, tmp_path: Path

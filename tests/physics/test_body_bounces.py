@@ -26,6 +26,7 @@ SLAB = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("floor", FLOORS)
 @pytest.mark.parametrize("drop", [0.1, 0.1027, 0.1055])
 @pytest.mark.parametrize("e", [0.5, 0.8, 1.0])

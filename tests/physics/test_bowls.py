@@ -64,6 +64,7 @@ def test_a_bead_in_a_smooth_bowl_is_a_pendulum(container: str, method: str) -> N
         assert np.linalg.norm(x[-1] - x[0]) < R * (angle**3 / 10 if not late else angle**2)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("container", ["bowl", "capsule", "cone", "pipe"])
 @pytest.mark.parametrize("h", [1e-3, 1e-2])
@@ -93,6 +94,7 @@ def test_the_end_of_a_pipe_takes_what_goes_along_it() -> None:
     assert energy[-1] == pytest.approx(energy[0] - 0.5, rel=1e-6)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("method", METHODS[1:])
 @pytest.mark.parametrize("container", ["bowl", "pipe"])
 @pytest.mark.parametrize("friction", [0.01, 0.1])

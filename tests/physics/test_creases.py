@@ -69,6 +69,7 @@ def thrown(
     )
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 @pytest.mark.parametrize("restitution", [0.0, 0.6, 1.0])
 @pytest.mark.parametrize("groove", GROOVES)
@@ -113,6 +114,7 @@ def test_what_meets_the_end_of_a_groove_bounces_off_it(angle: float, tmp_path: P
         assert least <= energy / (0.5 * speed**2) <= most
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("integrator", ["symplectic_euler", "velocity_verlet"])
 @pytest.mark.parametrize("groove", GROOVES)
 def test_points_without_a_size_are_as_fast_along_a_groove_as_free(

@@ -139,6 +139,7 @@ def against_walls(
     return places @ along, speeds @ along, ends, places @ np.array([-s, c, 0.0])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("degrees", [0, 27])
 @pytest.mark.parametrize(
     ("floor", "wall"),

@@ -41,6 +41,7 @@ def slot(width: float, e: float = 1.0) -> list[dict[str, Any]]:
     ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("sheet", SHEETS)
 def test_nothing_passes_a_thin_wall_at_any_speed(sheet: str, shape: str) -> None:
