@@ -57,10 +57,10 @@ class Contacts(NamedTuple):
     their clusters [k]; of those that turn bodies only, limits and motors of joints (`stops`) and rolling friction, what
     they are [k], 0 for others, and of motors the speed and the greatest impulse, of rolling friction the contact that
     presses and the radius [2, k]; of those solved for together what bounds friction, as an impulse and as a part of the
-    one that presses (0: given) [k], and impulses to return to [k, 3]. `number`: how many there are, and how many found
-    no room. `falls`: two laws by which restitution falls with the speed of an impact,
-    the smaller of which counts: that of slow ones, the speed above which it falls, and how fast [6, k]; None where none
-    falls."""
+    one that presses (0: given) [k], and impulses to return to [k, 3]; 1 where joints are solved for after each impulse
+    (`braced`), else 0 [k]; accelerations along the normal by swinging (`swinging`) [k]. `number`: how many there are, and
+    how many found no room. `falls`: two laws by which restitution falls with the speed of an impact, the smaller of which
+    counts: that of slow ones, the speed above which it falls, and how fast [6, k]; None where none falls."""
 
     first: Any
     second: Any
@@ -83,6 +83,8 @@ class Contacts(NamedTuple):
     bound: Any
     grip: Any
     kept: Any
+    braced: Any
+    swing: Any
     number: Any
     falls: Any = None
 
@@ -157,6 +159,8 @@ def new_contacts(room: int, falls: bool = False) -> Contacts:
             np.zeros(room),
             np.zeros(room),
             np.zeros((room, 3)),
+            np.zeros(room, np.int64),
+            np.zeros(room),
             number,
             np.zeros((6, room)) if falls else None,
         ),
@@ -207,7 +211,8 @@ def add_contact(k: Any, i: Any, j: Any, feature: Any, point: Any, normal: Any, g
         k.number[1] += 1
         return -1
     k.first[number], k.second[number], k.feature[number], k.gap[number] = i, j, feature, gap
-    k.turns[number], k.late[0, number], k.late[1, number] = 0, 0.0, 0.0
+    k.turns[number], k.braced[number], k.swing[number] = 0, 0, 0.0
+    k.late[0, number], k.late[1, number] = 0.0, 0.0
     for axis in range(3):
         k.belt[axis, number] = 0.0
     k.point[0, number], k.point[1, number], k.point[2, number] = point

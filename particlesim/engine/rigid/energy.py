@@ -78,7 +78,7 @@ def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
         work = had = 0.0
         for axis in range(3):
             work += 0.5 * m * (now[axis] - was[axis]) * (now[axis] + was[axis])
-            work += 0.5 * motion.gained[i, axis] * (now[3 + axis] + was[3 + axis])
+            work += 0.5 * (motion.gained[i, axis] - was[6 + axis]) * (now[3 + axis] + was[3 + axis])
             had += 0.5 * m * was[axis] * was[axis]
         gain[root(parent, i)] += work - against_forces(motion, i, h) - NOISE * had
     for c in range(k.number[0]):
@@ -103,7 +103,7 @@ def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
 @outlined
 def hold_back(b: Any, k: Any, motion: Any, h: Any) -> None:
     """Take back energy from nothing in clusters whose impulses were not found, in a step of h: all of their impulses are
-    made smaller, θ P with the largest θ ≤ 1 that does it. Surfaces that run may give energy."""
+    made smaller, θ P with the largest θ ≤ 1 that does it. Surfaces that run and motors may give energy."""
     for cluster in range(motion.clusters[0]):
         if motion.unsettled[cluster] != 0 and not is_driven(k, motion, cluster):
             part = bearable(b, k, motion, cluster, h)
@@ -112,11 +112,11 @@ def hold_back(b: Any, k: Any, motion: Any, h: Any) -> None:
 
 
 def is_driven(k: Any, motion: Any, cluster: Any) -> bool:
-    """Whether surfaces that run act in a cluster; motors do not, as it has no joints."""
+    """Whether surfaces that run, or motors, act in a cluster."""
     driven = False
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
-        driven = driven or k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
+        driven = driven or k.turns[c] == MOTOR or k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
     return driven
 
 
@@ -129,7 +129,8 @@ def bearable(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
         if b.w[i] > 0:  # a guest that is held does not move
             was, now, m = motion.start[i], motion.now[i], 1 / b.w[i]
             for axis in range(3):
-                dv, dw, e = now[axis] - was[axis], now[3 + axis] - was[3 + axis], motion.gained[i, axis]
+                dv, dw = now[axis] - was[axis], now[3 + axis] - was[3 + axis]
+                e = motion.gained[i, axis] - was[6 + axis]
                 gain += 0.5 * m * dv * (now[axis] + was[axis]) + 0.5 * e * (now[3 + axis] + was[3 + axis])
                 bend += 0.5 * m * dv * dv + 0.5 * e * dw
                 had += 0.5 * m * was[axis] * was[axis]
@@ -157,7 +158,8 @@ def shrink(k: Any, motion: Any, cluster: Any, part: Any) -> None:
         for axis in range(6):
             motion.now[i, axis] = motion.start[i, axis] + part * (motion.now[i, axis] - motion.start[i, axis])
         for axis in range(3):
-            motion.gained[i, axis] *= part
+            had = motion.start[i, 6 + axis]
+            motion.gained[i, axis] = had + part * (motion.gained[i, axis] - had)
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         for d in range(3):
             k.impulse[k.order[at], d] *= part

@@ -218,7 +218,9 @@ def new_joints(made: Sequence[Made], bodies: int) -> tuple[Joints, Ints]:
     def columns(key: str) -> Floats:
         return np.ascontiguousarray(np.array([getattr(each, key) for each in made], float).T)
 
-    rows = int(row[-1])
+    rows, of = int(row[-1]), np.full(bodies, -1)
+    for number, mine in enumerate(members):
+        of[mine] = number
     return Joints(
         kind,
         first,
@@ -244,6 +246,7 @@ def new_joints(made: Sequence[Made], bodies: int) -> tuple[Joints, Ints]:
         np.zeros(rows),
         np.zeros(rows),
         np.zeros((bodies, 13)),
+        of,
         np.full(components, -1),
         np.zeros(2),
     ), order

@@ -62,7 +62,8 @@ class Joints(NamedTuple):
     (`member_from`, of the list `members`). Links are pairs of joints that share a body, the later one first, with the side
     on which each has it, and the body; `link_from` are those of each component. The matrix: rows from column `head` on, at
     `start`; scratch: rows of J [rows, 15], right-hand sides, sums of λ, inverse pivots; places and momenta before a drift
-    [n, 13]; the next component of the same cluster; by which joint and how far a step failed.
+    [n, 13]; the component of each body [n], −1 for none; the next component of the same cluster; by which joint and how far
+    a step failed.
     """
 
     kind: Any
@@ -89,6 +90,7 @@ class Joints(NamedTuple):
     total: Any
     pivot: Any
     before: Any
+    component: Any
     next: Any
     failed: Any
 
@@ -231,16 +233,22 @@ def add_link(j: Any, b: Any, link: Any) -> None:
             j.entries[at + c] += sign * part
 
 
-@outlined
-def solved(j: Any, component: Any) -> None:
-    """Replace the right-hand side of a component by the solution."""
-    begin, end = j.row[j.group[component]], j.row[j.group[component + 1]]
+def forward(j: Any, begin: Any, end: Any) -> None:
+    """Replace the right-hand side b of rows [begin, end), those of a component, by L⁻¹ b."""
     side, entries = j.side, j.entries
     for r in range(begin, end):
         at, total = j.start[r] - j.head[r], side[r]
         for c in range(j.head[r], r):
             total -= entries[at + c] * side[c]
         side[r] = total
+
+
+@outlined
+def solved(j: Any, component: Any) -> None:
+    """Replace the right-hand side of a component by the solution."""
+    begin, end = j.row[j.group[component]], j.row[j.group[component + 1]]
+    side, entries = j.side, j.entries
+    forward(j, begin, end)
     for r in range(begin, end):
         side[r] *= j.pivot[r]
     for back in range(end - begin):

@@ -31,6 +31,7 @@ from particlesim.engine.rigid.solver import lay_out, push_apart, solve, solve_ag
 from particlesim.engine.rigid.springs import snap
 from particlesim.engine.rigid.stops import motor_work
 from particlesim.engine.rigid.swift import hasten
+from particlesim.engine.rigid.swinging import watch_swings
 from particlesim.engine.rigid.work import (
     copy_velocities,
     damped_work,
@@ -254,6 +255,8 @@ def step_bodies(
             report[0] = ASKS
             return step
         lay_out(b, k, motion)
+        if scene.joints is not None:
+            watch_swings(b, k, motion, scene.joints, dt)
         kick(scene, b, motion, middle, dt)
         held = True
         if k.number[0] == 0 and scene.joints is None:

@@ -72,7 +72,7 @@ def begin_anew(b: Any, k: Any, motion: Any, cluster: Any, part: Any) -> None:
         for axis in range(6):
             motion.now[i, axis] = motion.start[i, axis]
         for axis in range(3):
-            motion.gained[i, axis] = 0.0
+            motion.gained[i, axis] = motion.start[i, 6 + axis]
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
         for d in range(3):

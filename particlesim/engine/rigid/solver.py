@@ -24,6 +24,7 @@ import numpy as np
 
 from particlesim.compiler import outlined, shared
 from particlesim.engine.rigid.bodies import WORLD, row
+from particlesim.engine.rigid.braced import brace, level_there
 from particlesim.engine.rigid.clusters import gather, root
 from particlesim.engine.rigid.contact_rows import bounded, direct, speed_along, strike
 from particlesim.engine.rigid.energy import LIES, against_forces, gains, hold_back, keep, of_time
@@ -35,6 +36,7 @@ from particlesim.engine.rigid.multipliers import begin_anew, correct, keep_impul
 from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.rotation import cross
 from particlesim.engine.rigid.stops import MOTOR, ROLL, lay_turn, tangent
+from particlesim.engine.rigid.swinging import room_at
 from particlesim.engine.rigid.timing import (
     RESTING,
     answered,
@@ -108,7 +110,8 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
         gap, own = max(k.gap[c], 0.0), k.late[1, c]
         lies_under = not k.late[0, c] > 0 and k.late[3, c] != 0
         free = now + k.late[3, c] if lies_under else now
-        meets = free * h < -gap
+        room = room_at(k, c, before, free, h)
+        meets = free < -room
         quick = before < -RESTING * abs(free - before + h * own)
         rebound = -restitution_at(k, c, -before) * before
         e = k.surface[0, c] if k.falls is None else restitution_at(k, c, speed_there(before, free, gap, h))
@@ -120,9 +123,9 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
             e = restitution_at(k, c, -struck)
             rebound = kicked - answered(e, k.late[3, c] * k.rows[c, 0, 15]) * struck
         elif lies_under or (k.second[c] == WORLD and 0 < e < 1):
-            rebound = max(turned_around(before, free, gap, e, h), -gap / h)
+            rebound = max(turned_around(before, free, gap, e, h), -room)
         k.struck[c] = -before if meets and quick and k.second[c] == WORLD else 0.0
-        k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -gap / h
+        k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -room
         largest = max(largest, max(abs(now), abs(now - before)))
         if meets:
             largest = max(largest, max(abs(speed_along(k, motion, c, 1)), abs(speed_along(k, motion, c, 2))))
@@ -130,7 +133,7 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
 
 
 @outlined
-def sweep(b: Any, k: Any, motion: Any, first: Any, last: Any, backwards: Any) -> float:
+def sweep(b: Any, k: Any, motion: Any, joints: Any, first: Any, last: Any, backwards: Any) -> float:
     """One look at every contact of a cluster; returns the largest change of a speed."""
     worst = 0.0
     for turn in range(first, last):
@@ -146,6 +149,8 @@ def sweep(b: Any, k: Any, motion: Any, first: Any, last: Any, backwards: Any) ->
                 strike(b, k, motion, c, 0, press - had)
                 k.impulse[c, 0] = press
                 worst = max(worst, abs(press - had) / e[0, 15])
+                if joints is not None and k.braced[c] > 0:
+                    level_there(b, k, joints, motion.now, motion.gained, c)
         if k.surface[1, c] > 0 and (press > 0 or k.impulse[c, 1] != 0 or k.impulse[c, 2] != 0):
             p, q = k.impulse[c, 1], k.impulse[c, 2]
             one = p - e[1, 15] * speed_along(k, motion, c, 1)
@@ -158,6 +163,8 @@ def sweep(b: Any, k: Any, motion: Any, first: Any, last: Any, backwards: Any) ->
             strike(b, k, motion, c, 2, two - q)
             k.impulse[c, 1], k.impulse[c, 2] = one, two
             worst = max(worst, max(abs(one - p) / e[1, 15], abs(two - q) / e[2, 15]))
+            if joints is not None and k.braced[c] > 0:
+                level_there(b, k, joints, motion.now, motion.gained, c)
     return float(worst)
 
 
@@ -205,7 +212,7 @@ def solve_again(b: Any, k: Any, motion: Any, joints: Any, count: Any) -> None:
         # It rebounds once.
         k.target[c] = min(k.target[c], max(speed_along(k, motion, c, 0), 0.0))
     for turn in range(AGAIN):
-        worst = sweep(b, k, motion, 0, count, turn % 2 == 1)
+        worst = sweep(b, k, motion, joints, 0, count, turn % 2 == 1)
         if joints is not None:
             for component in range(joints.next.size):
                 level(joints, b, motion.now, motion.gained, component)
@@ -242,24 +249,36 @@ def relax(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> None:
     Sweeps are taken for steps of a descent, and followed by one in the direction conjugate to them (Fletcher and Reeves),
     which is dropped where changes grow.
     """
+    settled = SETTLED * motion.largest[cluster]
+    worst = descend(b, k, motion, joints, cluster, settled)
+    if not worst > settled:
+        return
+    # Joints and friction may hold the same, which the direct method does not tell apart.
+    if joints is not None and motion.first_component[cluster] >= 0:
+        if brace(b, k, motion, joints, cluster):
+            worst = descend(b, k, motion, joints, cluster, settled)
+        motion.unsettled[cluster] = 1 if worst > settled else 0
+    elif steepness(b, motion, cluster) >= STEEP and not complete(b, k, motion, cluster, worst):
+        motion.unsettled[cluster] = 1
+
+
+@outlined
+def descend(b: Any, k: Any, motion: Any, joints: Any, cluster: Any, settled: Any) -> float:
+    """Sweep over a cluster until speeds change by less than `settled`, or its share of work is done; returns the change in
+    the last sweep."""
     first, last = motion.contact_from[cluster], motion.contact_from[cluster + 1]
     most = min(max(WORK // (last - first), LEAST_SWEEPS), MOST_SWEEPS)
-    settled = SETTLED * motion.largest[cluster]
     size, worst = 0.0, 0.0
     for turn in range(most):
         if turn % 2 == 0:
             note(k, motion, cluster)
-        worst = sweep(b, k, motion, first, last, turn % 2 == 1)
+        worst = sweep(b, k, motion, joints, first, last, turn % 2 == 1)
         level_all(b, motion, motion.now, motion.gained, joints, cluster)
         if not worst > settled or turn == most - 1:
             break
         if turn % 2 == 1:
             size = go_on(k, motion, cluster, size)
-    # Joints and friction may hold the same, which the direct method does not tell apart; sweeps get there in some steps.
-    free = motion.first_component[cluster] < 0
-    steep = free and worst > settled and steepness(b, motion, cluster) >= STEEP
-    if steep and not complete(b, k, motion, cluster, worst):
-        motion.unsettled[cluster] = 1
+    return float(worst)
 
 
 def complete(b: Any, k: Any, motion: Any, cluster: Any, worst: Any) -> bool:
@@ -308,7 +327,7 @@ def sweep_twice(b: Any, k: Any, motion: Any, cluster: Any) -> float:
     worst = 0.0
     first, last = motion.contact_from[cluster], motion.contact_from[cluster + 1]
     for backwards in range(2):
-        worst = sweep(b, k, motion, first, last, backwards == 1)
+        worst = sweep(b, k, motion, None, first, last, backwards == 1)
     return float(worst)
 
 
@@ -372,7 +391,7 @@ def yield_energy(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
         for axis in range(6):
             motion.now[i, axis] = motion.start[i, axis]
         for axis in range(3):
-            motion.gained[i, axis] = 0.0
+            motion.gained[i, axis] = motion.start[i, 6 + axis]
     for c in range(k.number[0]):
         # What was found is kept where the solution without rebounds leaves room: nobody reads these places any more.
         k.normal[0, c], k.normal[1, c], k.normal[2, c] = k.impulse[c, 0], k.impulse[c, 1], k.impulse[c, 2]
@@ -386,7 +405,7 @@ def yield_energy(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
         was, now, m, r = motion.start[i], motion.now[i], 1 / b.w[i], root(parent, i)
         for axis in range(3):
             low[r] += 0.5 * m * (now[axis] - was[axis]) * (now[axis] + was[axis])
-            low[r] += 0.5 * motion.gained[i, axis] * (now[3 + axis] + was[3 + axis])
+            low[r] += 0.5 * (motion.gained[i, axis] - was[6 + axis]) * (now[3 + axis] + was[3 + axis])
             d, e = other[i, axis] - now[axis], other[i, 3 + axis] - now[3 + axis]
             bend[r] += 0.5 * m * d * d + 0.5 * e * (other[i, 6 + axis] - motion.gained[i, axis])
         low[r] -= against_forces(motion, i, h)
@@ -432,6 +451,8 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, slop: Any, h: Any) -> b
             c = k.number[0] - 1 - place_in if turn % 2 == 1 else place_in
             if k.gap[c] < -slop:
                 nudge(b, k, motion, c, PART * (-k.gap[c] - slop) / h)
+                if joints is not None and k.braced[c] > 0:
+                    level_there(b, k, joints, motion.apart, motion.other, c)
         for cluster in range(motion.clusters[0]):
             level_all(b, motion, motion.apart, motion.other, joints, cluster)
     return True
