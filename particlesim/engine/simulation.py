@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.checks.quantities import ROTATION
+from particlesim.engine.diagnosis.crossings import Crossings
 from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
 from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite, lost_collider
 from particlesim.engine.guard import Guard
@@ -81,6 +82,7 @@ class Simulation(World):
         self._energies: list[dict[str, float]] = []
         self._energies_of = -1
         self._guard = Guard(self, self._ledger_columns)
+        self._crossings = Crossings(self)
 
     def begin(self) -> None:
         """Find out what interactions need to know before their first sum, as how exact it is; once is enough.
@@ -299,6 +301,12 @@ class Simulation(World):
             rest = dict.fromkeys(self._ledger_columns, 0.0)
             known = {number: self._island_energies(number, rest) for number in wanted}
         self._guard.look(self, known)
+        self._crossings.look(self)
+
+    def missed_crossings(self) -> int:
+        """How often particles or bodies have passed a surface that should have held them back, as far as it was seen: in
+        steps that came near, and by who stood on the wrong side at frames."""
+        return int(self._crossings.number[0]) + sum(state.missed_crossings() for state in self.states)
 
     def warnings(self) -> tuple[str, ...]:
         """Notes about the steps so far, although they are valid."""

@@ -52,6 +52,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
             *("_energies", "_energies_of", "_order", "_heard", "_numbers", "_meetings"),
         }
     ),
+    "Crossings": frozenset(("_watched",)),
     "Guard": frozenset(("_judged", "_from", "_drift")),
     "Account": frozenset(("_names", "_absolute")),
     "Books": frozenset(("names", "_spent", "_stored", "jolts")),

@@ -362,6 +362,11 @@ class RigidIsland(BaseIsland):
                     return each
         return None
 
+    def are_partners(self, i: int, j: int) -> bool:
+        """Whether a joint holds two bodies together that do not touch each other."""
+        where = self._scene.partner_from
+        return j in self._scene.partners[where[i] : where[i + 1]]
+
     def keep(self, first: int, *, fresh: bool = True) -> None:
         self.kept_from = first
         self._kept = [array.copy() for array in self._changing()]
