@@ -93,7 +93,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
     ),
     "Neighbours": frozenset(Neighbours._fields) - {"order", "place", "base", "wrap", "skin", "report"},
     "Roster": frozenset(("number", "pairs", "rest")),
-    "GroupState": frozenset({"axes", "_known_columns", *(column.name for column in TABLE)}),
+    "GroupState": frozenset({"axes", "holders", "_known_columns", *(column.name for column in TABLE)}),
 }
 """By the classes of the engine: attributes that follow from the scenario or from other attributes, and scratch arrays that
 every step fills anew. The columns of groups are stored by their table."""

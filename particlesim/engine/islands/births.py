@@ -100,6 +100,8 @@ class Source:
         state.birth[new] = state.start[new] = times
         state.outcome[new] = 0
         state.memory[:, new] = 0
+        for counted in (state.missed, state.exhausted, state.held):  # where others have been before
+            counted[..., new] = 0
         stop, cause = times + born.lifetime, np.full(len(times), AGE, np.uint8)
         if "temperature" in born.attributes:
             cold = times + self._cooling_time(born.attributes["temperature"])

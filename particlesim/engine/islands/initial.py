@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from particlesim.bodies import Bodies
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.rigid.rotation import matrix
+from particlesim.engine.state.clinging import Holder
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
-from particlesim.engine.state.table import CLOCK, HEARD, ROTATION, SPIN, TRACED, WATCHED
+from particlesim.engine.state.table import CLINGS, CLOCK, HEARD, ROTATION, SPIN, TRACED, WATCHED
 from particlesim.engine.step.records import may_exhaust, may_miss, needs_clock
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
@@ -41,6 +42,8 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
     layout = group.layout if isinstance(group, Particles) else None
     count = (layout.number() or 0) if layout is not None else _capacity(scenario, group)
     clocked = needs_clock(group, colliders, bool(motions))
+    sticky = [each for each in colliders if each.contact == "stick"]
+    clings = any(each.motion is not None for each in sticky)
     state = GroupState(
         group.name,
         count,
@@ -52,11 +55,14 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
             *([ROTATION] if isinstance(group, Bodies) else []),
             *([SPIN] if spins(scenario, group) else []),
             *([HEARD] if island.heard and any(k is not None for k in island.heard[member]) else []),
+            *([CLINGS] if clings else []),
             *([WATCHED] if may_miss(colliders, group) else []),
             *([TRACED] if may_exhaust(colliders, group) else []),
         ],
         cooling=group.cooling,
     )
+    if clings:
+        state.holders = tuple(Holder(each.body()) for each in sticky)
     if layout is None:
         return state
     streams = scenario.streams(group)

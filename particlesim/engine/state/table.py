@@ -51,6 +51,9 @@ SPIN = "spin"
 CLOCK = "clock"
 """Part of groups whose particles may be born, die, stick or be pinned."""
 
+CLINGS = "clings"
+"""Part of groups whose particles may stick to colliders that move."""
+
 WATCHED = "watched"
 """Part of groups that may pass a collider unseen."""
 
@@ -76,6 +79,8 @@ TABLE: tuple[Column, ...] = (
     Column("stop", "s", ("clock",), dtype=np.float64, changes=True, part=CLOCK),
     Column("outcome", "", ("clock",), dtype=np.int8, changes=True, part=CLOCK),
     Column("cause", "", dtype=np.uint8, part=CLOCK),
+    Column("stuck_at", "s", ("clock",), dtype=np.float64, changes=True, part=CLINGS),
+    Column("held", "m", rows=4, dtype=np.float64, part=CLINGS),
     Column("missed", "", ("missed",), dtype=np.int64, changes=True, part=WATCHED),
     Column("exhausted", "", ("exhausted",), dtype=np.int32, changes=True, part=TRACED),
     Column("hit", "", ("hit",), rows=len(HIT), dtype=np.float64, changes=True, part=HEARD),
