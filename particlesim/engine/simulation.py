@@ -74,6 +74,7 @@ class Simulation(World):
         )
         self._heard = any(island.listens_to for island in self.islands)
         self._numbers = {c.name: k for k, c in enumerate(scenario.all_colliders) if c.name is not None}
+        self._codes = {group.name: -2 - k for k, group in enumerate(scenario.groups)}
         self._labels = scenario.labels
         self._sources = self._ledger_sources()
         self._totals, self._pressures = attribute_totals(scenario), pressures(scenario)
@@ -135,7 +136,7 @@ class Simulation(World):
         island.keep(first, fresh=fresh)
         if island.listens_to:
             found = {name: each for other in self.islands for name, each in other.impacts.items()}
-            island.hear(found, self._numbers)
+            island.hear(found, self._numbers, self._codes)
         while first < last:
             until = island.phase(first, last)
             born, deaths, fault = island.advance(first, until, self.team, laps)

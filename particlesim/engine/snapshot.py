@@ -49,7 +49,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
         {
             *("scenario", "grid", "graph", "islands", "states", "team", "events"),
             *("_kicks", "_labels", "_sources", "_ledger_columns", "_totals", "_pressures"),
-            *("_energies", "_energies_of", "_order", "_heard", "_numbers", "_meetings"),
+            *("_energies", "_energies_of", "_order", "_heard", "_numbers", "_codes", "_meetings"),
         }
     ),
     "Crossings": frozenset(("_watched",)),
@@ -67,6 +67,8 @@ FOLLOWS: dict[str, frozenset[str]] = {
             "visitors",
             "_asked",
             "left",
+            "guests",
+            "told",
             "_motion",
             "_contacts",
             "_kept",

@@ -25,7 +25,7 @@ from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.quaternions import UNTURNED, times
 from particlesim.sampling.random_streams import Streams
 from particlesim.sampling.shapes import Shape
-from particlesim.scenario.reach import spins
+from particlesim.scenario.reach import codes_of_groups, spins
 from particlesim.scenario.scenario import Scenario
 
 
@@ -54,7 +54,7 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
             *([CLOCK] if clocked else []),
             *([ROTATION] if isinstance(group, Bodies) else []),
             *([SPIN] if spins(scenario, group) else []),
-            *([HEARD] if island.heard and any(k is not None for k in island.heard[member]) else []),
+            *([HEARD] if _heard(scenario, island, member) else []),
             *([CLINGS] if clings else []),
             *([WATCHED] if may_miss(colliders, group) else []),
             *([TRACED] if may_exhaust(colliders, group) else []),
@@ -99,6 +99,14 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
         if group.angular_velocity is not None:
             state.angular_velocity[:, :count] = np.transpose(np.atleast_2d(group.angular_velocity))
     return state
+
+
+def _heard(scenario: Scenario, island: Island, member: int) -> bool:
+    """Whether emitters react to impacts of a group."""
+    every = [group.name for group in scenario.groups]
+    on_groups = codes_of_groups(scenario, [island.groups[member].name], every)
+    on_colliders = island.heard[member] if island.heard else ()
+    return any(k is not None for k in on_colliders) or bool((on_groups < -1).any())
 
 
 def _turn(state: GroupState, group: Bodies, streams: Streams) -> None:

@@ -63,9 +63,10 @@ TRACED = "traced"
 HEARD = "heard"
 """Part of groups to whose impacts an emitter reacts."""
 
-HIT = ("time", "collider", "speed", *("x", "y", "z"), *("nx", "ny", "nz"), *("vx", "vy", "vz"))
-"""The columns of an impact: time [s], the number of the collider, the speed along its normal relative to it [m/s], the place
-of the particle [m], the normal, and the velocity before it [m/s]."""
+HIT = ("time", "collider", "speed", *("x", "y", "z"), *("nx", "ny", "nz"), *("vx", "vy", "vz"), "other")
+"""The columns of an impact: time [s], the number of the collider or the code of a group (`reach.codes_of_groups`), the
+speed along its normal relative to it [m/s], the place of the particle [m], the normal, the velocity before it [m/s], and the
+id of the particle or body of that group, −1 for a collider."""
 
 TABLE: tuple[Column, ...] = (
     Column("x", "m", ("x", "y", "z"), rows=3, changes=True),

@@ -78,9 +78,11 @@ def references(scenario: Tables) -> Iterator[Invalid]:
             places.append(((*here, "on"), joint.on))
         places += [((*here, "between", j), name) for j, name in enumerate(joint.between or ())]
     places += [
-        (("emitters", k, "on_impact", "of", j), name)
+        (("emitters", k, "on_impact", key, j), name)
         for k, emitter in enumerate(scenario.emitters)
-        for j, name in enumerate(emitter.on_impact.of if emitter.on_impact is not None else ())
+        if emitter.on_impact is not None
+        for key in ("of", "against")
+        for j, name in enumerate(getattr(emitter.on_impact, key) or ())
     ]
     places += interactions.named_groups(scenario)
     places += [(("motions", k, "on"), m.on) for k, m in enumerate(scenario.motions) if m.on is not None]
