@@ -168,8 +168,8 @@ def _broken(sets: dict[str, dict[str, int]]) -> str:
 
 
 def _missed(number: int) -> str:
-    """'5 crossings of colliders with discrete detection'."""
-    return f"{counted(number, 'crossing')} of colliders with discrete detection" if number else ""
+    """'5 crossings of colliders or bodies'."""
+    return f"{counted(number, 'crossing')} of colliders or bodies" if number else ""
 
 
 def _change(ends: dict[str, float] | None) -> str:

@@ -40,18 +40,25 @@ class Burst(Model):
 
 
 class OnImpact(Model):
-    """Births where particles or bodies of other groups hit colliders, at the moment of each impact."""
+    """Births where particles or bodies of other groups hit colliders, or each other, at the moment of each impact."""
 
     of: tuple[Name, ...] = Field(min_length=1)
     """Groups of particles or bodies whose impacts give birth."""
     at: tuple[Name, ...] | None = Field(default=None, min_length=1)
-    """Colliders and planes at which they do, by name; all that these groups meet unless given."""
+    """Colliders and planes at which they do, by name; all that these groups meet unless given, and none with `against`."""
+    against: tuple[Name, ...] | None = Field(default=None, min_length=1)
+    """Groups of particles or bodies on which they do, where these touch by impulses. An impact of two that are both in `of`
+    and in `against` is one impact."""
     count: Annotated[int, Field(ge=1, le=10**6, strict=True)] = 1
     """Particles born of each impact."""
     above: Annotated[MetresPerSecond, Ge(0)] = 0.0
     """Least speed along the normal, relative to the surface, of an impact that gives birth."""
     inherit: Annotated[Number, Ge(0), Le(1)] = 0.0
     """Part of the velocity along the surface of the particle that hits which is added to that of the new ones."""
+
+    def hears(self, collider: str | None) -> bool:
+        """Whether impacts on a collider of this name give birth."""
+        return self.against is None if self.at is None else collider in self.at
 
 
 class Die(Model):
@@ -200,7 +207,9 @@ class Emitter(Group):
 
     def describe(self) -> str:
         if self.on_impact is not None:
-            return f"{self.on_impact.count} for each impact of {', '.join(self.on_impact.of)}"
+            event = self.on_impact
+            on = f" on {', '.join((*event.against, *(event.at or ())))}" if event.against else ""
+            return f"{event.count} for each impact of {', '.join(event.of)}{on}"
         assert self.shape is not None
         parts = [f"{self.rate:g}/s"] if self.rate is not None else []
         parts += [f"{burst.count} at {burst.at:g} s" for burst in self.bursts()[:3]]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.checks.quantities import ROTATION
+from particlesim.engine.diagnosis.crossings import Crossings
 from particlesim.engine.diagnosis.post_mortem import not_finite, overflowed
 from particlesim.engine.diagnosis.undefined_paths import astray, led_are_finite, lost_collider
 from particlesim.engine.guard import Guard
@@ -73,6 +74,7 @@ class Simulation(World):
         )
         self._heard = any(island.listens_to for island in self.islands)
         self._numbers = {c.name: k for k, c in enumerate(scenario.all_colliders) if c.name is not None}
+        self._codes = {group.name: -2 - k for k, group in enumerate(scenario.groups)}
         self._labels = scenario.labels
         self._sources = self._ledger_sources()
         self._totals, self._pressures = attribute_totals(scenario), pressures(scenario)
@@ -81,6 +83,7 @@ class Simulation(World):
         self._energies: list[dict[str, float]] = []
         self._energies_of = -1
         self._guard = Guard(self, self._ledger_columns)
+        self._crossings = Crossings(self)
 
     def begin(self) -> None:
         """Find out what interactions need to know before their first sum, as how exact it is; once is enough.
@@ -133,7 +136,7 @@ class Simulation(World):
         island.keep(first, fresh=fresh)
         if island.listens_to:
             found = {name: each for other in self.islands for name, each in other.impacts.items()}
-            island.hear(found, self._numbers)
+            island.hear(found, self._numbers, self._codes)
         while first < last:
             until = island.phase(first, last)
             born, deaths, fault = island.advance(first, until, self.team, laps)
@@ -299,6 +302,12 @@ class Simulation(World):
             rest = dict.fromkeys(self._ledger_columns, 0.0)
             known = {number: self._island_energies(number, rest) for number in wanted}
         self._guard.look(self, known)
+        self._crossings.look(self)
+
+    def missed_crossings(self) -> int:
+        """How often particles or bodies have passed a surface that should have held them back, as far as it was seen: in
+        steps that came near, and by who stood on the wrong side at frames."""
+        return int(self._crossings.number[0]) + sum(state.missed_crossings() for state in self.states)
 
     def warnings(self) -> tuple[str, ...]:
         """Notes about the steps so far, although they are valid."""

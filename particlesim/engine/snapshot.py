@@ -49,9 +49,10 @@ FOLLOWS: dict[str, frozenset[str]] = {
         {
             *("scenario", "grid", "graph", "islands", "states", "team", "events"),
             *("_kicks", "_labels", "_sources", "_ledger_columns", "_totals", "_pressures"),
-            *("_energies", "_energies_of", "_order", "_heard", "_numbers", "_meetings"),
+            *("_energies", "_energies_of", "_order", "_heard", "_numbers", "_codes", "_meetings"),
         }
     ),
+    "Crossings": frozenset(("_watched",)),
     "Guard": frozenset(("_judged", "_from", "_drift")),
     "Account": frozenset(("_names", "_absolute")),
     "Books": frozenset(("names", "_spent", "_stored", "jolts")),
@@ -66,6 +67,8 @@ FOLLOWS: dict[str, frozenset[str]] = {
             "visitors",
             "_asked",
             "left",
+            "guests",
+            "told",
             "_motion",
             "_contacts",
             "_kept",
@@ -92,7 +95,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
     ),
     "Neighbours": frozenset(Neighbours._fields) - {"order", "place", "base", "wrap", "skin", "report"},
     "Roster": frozenset(("number", "pairs", "rest")),
-    "GroupState": frozenset({"axes", "_known_columns", *(column.name for column in TABLE)}),
+    "GroupState": frozenset({"axes", "holders", "_known_columns", *(column.name for column in TABLE)}),
 }
 """By the classes of the engine: attributes that follow from the scenario or from other attributes, and scratch arrays that
 every step fills anew. The columns of groups are stored by their table."""

@@ -113,10 +113,6 @@ class World:
         """How often a rigid body had more impacts in half a step than are followed."""
         return sum(island.stopped_bodies() for island in self.islands)
 
-    def missed_crossings(self) -> int:
-        """How often particles have passed a collider that looks at the end of steps alone without being seen."""
-        return sum(state.missed_crossings() for state in self.states)
-
     def methods(self) -> dict[str, str]:
         """How the forces of interactions are summed, by their names in the ledger, where there is something to tell."""
         return {

@@ -52,7 +52,7 @@ class Result:
     methods: dict[str, str] = field(default_factory=dict)
     """How the forces of interactions were summed, by their names in the ledger, where there is something to tell."""
     missed_crossings: int = 0
-    """How often particles passed colliders with discrete detection within a step, without being seen."""
+    """How often particles or bodies passed colliders or bodies that should have held them back, as far as it was seen."""
     known_state: str | None = None
     compiling: float = 0.0
     """How much of `seconds` went into compiling kernels, which are kept for the next run."""

@@ -317,14 +317,17 @@ def shapes_of_bodies(scenario: Scenario) -> tuple[str, ...]:
     )
 
 
-def missed(world: World) -> tuple[str, ...]:
-    """A sentence where particles have passed colliders unseen."""
-    if (number := world.missed_crossings()) == 0:
+def missed(simulation: Simulation) -> tuple[str, ...]:
+    """A sentence where particles or bodies have passed what should have held them back."""
+    if (number := simulation.missed_crossings()) == 0:
         return ()
-    return (
-        f"{number:,} crossing{'s' if number > 1 else ''} of colliders with discrete detection fell between the ends of "
-        'steps and had no effect; detection = "continuous" misses none',
-    )
+    were = f"{number:,} crossing{'s' if number > 1 else ''} of colliders or bodies {'were' if number > 1 else 'was'} missed"
+    if any(each.detection == "discrete" for each in simulation.scenario.all_colliders):
+        return (
+            f"{were}: with discrete detection what falls between the ends of steps has no effect; "
+            'detection = "continuous" looks at the ways of steps',
+        )
+    return (f"{were}: what should have been held back has passed; a smaller dt may hold it",)
 
 
 def exhausted(world: World) -> tuple[str, ...]:

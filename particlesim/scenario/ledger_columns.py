@@ -27,7 +27,7 @@ def totals(scenario: Tables) -> tuple[str, ...]:
     return (
         *TOTALS,
         *rotations(scenario),
-        *(["missed_crossings"] if scenario.all_colliders else []),
+        *(["missed_crossings"] if scenario.all_colliders or scenario.bodies else []),
         *(f"died.{cause}" for cause in deaths(scenario)),
         *(["broken"] if broken else []),
         *(f"broken.{name}" for name in broken),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import NamedTuple
+
+import numpy as np
 
 from particlesim.bodies import Bodies, Joint
 from particlesim.bonds import BondSet, Rods, Springs
@@ -15,6 +17,7 @@ from particlesim.groups.group import Group, Particles
 from particlesim.interactions import PairInteraction, PairSet
 from particlesim.interactions.contact import Contact
 from particlesim.layouts.mesh import STRUCTURAL
+from particlesim.model.arrays import Ints
 from particlesim.model.mistakes import Path
 from particlesim.scenario.tables import Tables
 
@@ -164,11 +167,24 @@ def heard(scenario: Tables, name: str, collider: Collider) -> bool:
     """Whether an emitter hears of impacts of a group on a collider."""
     return (
         any(
-            event is not None and name in event.of and (event.at is None or collider.name in event.at)
+            event is not None and name in event.of and event.hears(collider.name)
             for event in (emitter.on_impact for emitter in scenario.emitters)
         )
         and not collider.soft
     )
+
+
+def codes_of_groups(scenario: Tables, names: Sequence[str], others: Sequence[str]) -> Ints:
+    """Under which number emitters hear of impacts of groups on others [names, others]: −2 − k for the k-th of all groups,
+    less than those of colliders, and −1 where none hears of them."""
+    events = [emitter.on_impact for emitter in scenario.emitters if emitter.on_impact is not None]
+    number = {group.name: k for k, group in enumerate(scenario.groups)}
+    found = np.full((len(names), len(others)), -1)
+    for i, name in enumerate(names):
+        for j, other in enumerate(others):
+            if any(name in event.of and other in (event.against or ()) for event in events):
+                found[i, j] = -2 - number[other]
+    return found
 
 
 def mortal(scenario: Tables, name: str) -> bool:

@@ -21,11 +21,22 @@ from particlesim.engine.state.columns import (
     replaced,
 )
 from particlesim.engine.state.group_state import GroupState
-from particlesim.engine.state.table import CHANGING, CLOCK, HEARD, HIT, ROTATION, SPIN, TABLE, TRACED, WATCHED
+from particlesim.engine.state.table import (
+    CHANGING,
+    CLINGS,
+    CLOCK,
+    HEARD,
+    HIT,
+    ROTATION,
+    SPIN,
+    TABLE,
+    TRACED,
+    WATCHED,
+)
 from particlesim.laws.registry import Particle
 from particlesim.model.attributes import ATTRIBUTES, FURTHER, OPTIONAL
 
-EVERYTHING = frozenset({CLOCK, ROTATION, SPIN, WATCHED, TRACED, HEARD, *OPTIONAL})
+EVERYTHING = frozenset({CLINGS, CLOCK, ROTATION, SPIN, WATCHED, TRACED, HEARD, *OPTIONAL})
 UNITLESS = ("id", "memory", "outcome", "cause", "missed", "exhausted", "hit", "turn")
 
 
@@ -68,7 +79,9 @@ def test_what_is_kept_comes_back_however_much_a_method_remembers(memory: int, pa
     state = filled(5, memory, parts)
     before = [column.copy() for column in state.arrays()]
     columns = state.columns(frozenset(ATTRIBUTES))
-    more = 3 + 2 * 3 + 1 + 1 + len(HIT)  # clock, spin, missed crossings, steps with too many impacts, impact
+    more = (
+        1 + 3 + 2 * 3 + 1 + 1 + len(HIT)
+    )  # moment of sticking, clock, spin, missed crossings, steps with too many impacts, impact
     assert len(changing(columns)) == 6 + memory + (more if parts else 0)
     disturb(columns, np.full((len(changing(columns)), 5), np.nan))
     for column, old in zip(state.arrays(), before, strict=True):
@@ -103,7 +116,7 @@ def test_blocks_cut_every_array_and_nothing_else() -> None:
     cut: list[Any] = []
     mapped(whole.append, columns)
     mapped(cut.append, block)
-    assert len(whole) == 8 + 2 + 3 + 2 + len(FURTHER) + 2 * 3 + 2 + len(HIT)
+    assert len(whole) == 8 + 2 + 4 + 2 + len(FURTHER) + 2 * 3 + 2 + len(HIT)
     for array, part in zip(whole, cut, strict=True):
         np.testing.assert_array_equal(part, array[2:5])
 

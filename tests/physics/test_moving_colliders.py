@@ -289,12 +289,11 @@ def test_what_a_motion_may_lead() -> None:
     table: dict[str, Any] = {
         "simulation": {"duration": 1, "dt": 0.01},
         "particles": [points((0, 3, 0), name="a")],
-        "colliders": [box(), box(name="glue", contact="stick")],
+        "colliders": [box()],
     }
     path = ["x + t", "y", "z"]
     for motion, why in (
         ({"collider": "pistol", "path": path}, "unknown collider 'pistol'"),
-        ({"collider": "glue", "path": path}, "leave them behind"),
         ({"path": path}, "a group or a collider"),
         ({"on": "a", "collider": "piston", "path": path}, "a group or a collider"),
         ({"on": "a", "spin": {"axis": [0, 1, 0], "rate": 1}, "path": path}, "spin is for colliders"),

@@ -10,7 +10,7 @@ from particlesim.engine.coupled.rebounds import note_rebound
 from particlesim.engine.state.columns import block_of, fetch, note, span, store, tire, type_of
 from particlesim.engine.step.at_rest import overlapped, respond, turning
 from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed
-from particlesim.engine.step.crossing import crossings, passable
+from particlesim.engine.step.crossing import crossings, passable, passed, thin
 from particlesim.engine.step.hits import tell
 from particlesim.engine.step.impacts import BOUNCED, LANDED, NOTHING, trace
 from particlesim.engine.step.lateness import (
@@ -179,6 +179,8 @@ def _collide(
                         nudge(c.memory, i, q, r)
                     else:
                         forget(c.memory, i)
+                if c.missed is not None and len(thin(contacts)) > 0:
+                    c.missed[i] += passed(contacts, p, r, hi)
                 tell(c.hit, i, hit)
                 tire(c, i, exhausted)
             else:

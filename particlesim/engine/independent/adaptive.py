@@ -52,7 +52,7 @@ from particlesim.engine.state.columns import (
 )
 from particlesim.engine.step.at_rest import overlapped
 from particlesim.engine.step.contacts import Simple, meet, pushed
-from particlesim.engine.step.crossing import crossings, passable
+from particlesim.engine.step.crossing import crossings, passable, passed, thin
 from particlesim.engine.step.hits import tell
 from particlesim.engine.step.impacts import trace
 from particlesim.engine.step.particle_step import Rate, derivative, moved, stages, weigh
@@ -233,6 +233,8 @@ def touch(program: Any, c: Any, d: Any, k: Any, q: Any) -> Any:
         q, _, outcome, hit, exhausted, _ = trace(
             program.method, program.dynamics, program.forces, program.contacts, p, h, (h,)
         )
+        if c.missed is not None and len(thin(program.contacts)) > 0:
+            c.missed[d.row[k]] += passed(program.contacts, p, q, h)
         tell(c.hit, d.row[k], hit)
         tire(c, d.row[k], exhausted)
     if len(program.contacts.soft) > 0:

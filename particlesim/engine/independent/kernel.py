@@ -59,7 +59,7 @@ from particlesim.engine.step.clearance import (
     without_crossable,
 )
 from particlesim.engine.step.contacts import Simple, ends_inside, meet, pushed
-from particlesim.engine.step.crossing import crossings, may_pass, passable
+from particlesim.engine.step.crossing import crossings, may_pass, passable, passed, thin
 from particlesim.engine.step.hits import tell
 from particlesim.engine.step.impacts import trace
 from particlesim.engine.step.lateness import lags
@@ -309,6 +309,8 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
                 hi,
                 recall(c.memory, i),
             )
+            if c.missed is not None and len(thin(program.contacts)) > 0:
+                c.missed[i] += passed(program.contacts, p, q, hi)
             store(c, i, q)
             remember(c.memory, i, True, memory)
             note(c.clock, i, outcome, q.t)

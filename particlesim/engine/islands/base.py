@@ -141,11 +141,17 @@ class BaseIsland:
         if any(HEARD in state.parts for state in self.states):
             self.impacts = {state.name: state.take_impacts() for state in self.states}
 
-    def hear(self, impacts: Mapping[str, NDArray[np.float64]], numbers: Mapping[str, int]) -> None:
-        """Let emitters know of the impacts of groups in the step that comes; `numbers` are those of colliders by name."""
+    def hear(
+        self,
+        impacts: Mapping[str, NDArray[np.float64]],
+        numbers: Mapping[str, int],
+        codes: Mapping[str, int],
+    ) -> None:
+        """Let emitters know of the impacts of groups in the step that comes; `numbers` are those of colliders, `codes` those
+        of groups by name."""
         for source in self._sources:
             if source is not None and source.emitter.on_impact is not None:
-                source.hear(impacts, numbers)
+                source.hear(impacts, numbers, codes)
 
     @property
     def listens_to(self) -> frozenset[str]:

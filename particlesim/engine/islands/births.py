@@ -14,7 +14,7 @@ from particlesim.engine.state.group_state import AGE, COLD, RECYCLED, GroupState
 from particlesim.engine.state.table import HIT
 from particlesim.scenario.scenario import Scenario
 
-SPEED, COLLIDER, PLACE = (HIT.index(name) for name in ("speed", "collider", "x"))
+SPEED, COLLIDER, PLACE, OTHER = (HIT.index(name) for name in ("speed", "collider", "x", "other"))
 
 
 @dataclass
@@ -38,15 +38,22 @@ class Source:
         """Impacts of the present step that give birth in it."""
         self.waits = emitter.limit is not None and emitter.when_full == "wait"
 
-    def hear(self, impacts: Mapping[str, NDArray[np.float64]], numbers: Mapping[str, int]) -> None:
-        """Impacts of groups in the present step, by the rows of `table.HIT` with radius and id, which give birth in it."""
+    def hear(
+        self,
+        impacts: Mapping[str, NDArray[np.float64]],
+        numbers: Mapping[str, int],
+        codes: Mapping[str, int],
+    ) -> None:
+        """Impacts of groups in the present step, by the rows of `table.HIT` with radius and id, which give birth in it;
+        `numbers` are those of colliders and `codes` those of groups, by name."""
         event = self.emitter.on_impact
         assert event is not None
         some = np.concatenate([impacts[name] for name in event.of if name in impacts], axis=1)
-        chosen = some[SPEED] >= event.above
-        if event.at is not None:
-            chosen &= np.isin(some[COLLIDER], [numbers[name] for name in event.at])
-        some = some[:, chosen]
+        met = some[COLLIDER]
+        places = None if event.at is None else [numbers[name] for name in event.at]
+        chosen = (met >= 0) & (event.against is None if places is None else np.isin(met, places))
+        chosen |= np.isin(met, [codes[name] for name in event.against or ()])
+        some = once_each(some[:, chosen & (some[SPEED] >= event.above)])
         some = some[:, np.lexsort((some[-1], some[0]))].repeat(event.count, axis=1)
         place, normal, velocity = (
             some[PLACE : PLACE + 3],
@@ -100,6 +107,8 @@ class Source:
         state.birth[new] = state.start[new] = times
         state.outcome[new] = 0
         state.memory[:, new] = 0
+        for counted in (state.missed, state.exhausted, state.held):  # where others have been before
+            counted[..., new] = 0
         stop, cause = times + born.lifetime, np.full(len(times), AGE, np.uint8)
         if "temperature" in born.attributes:
             cold = times + self._cooling_time(born.attributes["temperature"])
@@ -128,3 +137,11 @@ class Source:
         earlier = ends < state.stop[:n][taken]
         state.stop[:n][taken[earlier]] = ends[earlier]
         state.cause[:n][taken[earlier]] = RECYCLED
+
+
+def once_each(impacts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Impacts without the second of each two that are the same, told by both particles: that of the higher id goes."""
+    mine, other, time = impacts[-1], impacts[OTHER], impacts[0]
+    both = {(t, i, j) for t, i, j in zip(time, mine, other, strict=True) if 0 <= i < j}
+    twice = [j < i and (t, j, i) in both for t, i, j in zip(time, mine, other, strict=True)]
+    return impacts[:, ~np.array(twice, bool)]

@@ -99,6 +99,7 @@ class IndependentIsland(BaseIsland):
             self._move(opened, first, last, team, faults)
         if faults.any():
             return born, None, self._find(np.flatnonzero(faults), first, last)
+        self._carry(last * self.dt)
         self._close(opened, last)
         self._gather()
         deaths = self.state.bury(last * self.dt) if self.state.clocked else None
@@ -158,6 +159,23 @@ class IndependentIsland(BaseIsland):
             step_range(program, free, step, 1, self.dt, 0, n, self._block, np.zeros(n, np.bool_), room)
         jolts = () if self.books is None or self._adaptive else self.books.jolts
         return Opened(unjolted(kept, jolts), begin, h, free)
+
+    def _carry(self, end: float) -> None:
+        """Colliders that move take along what has stuck to them; of steps that particles make for themselves that is not
+        booked with the step."""
+        apart = self._adaptive and self.books is not None and "contact" in self.books.names
+        if not self.state.holders or not self.state.count:
+            return
+        before = self._energy(end) if apart else 0.0
+        self.state.carry(end)
+        if apart and self.books is not None:
+            self.books.add("contact", self._energy(end) - before)
+
+    def _energy(self, time: float) -> float:
+        """The kinetic and potential energy of all particles [J], where it is booked."""
+        assert self.books is not None
+        columns = self.columns()[0]
+        return float(self.books.energies(0, columns, np.full(len(columns.m), time)).sum())
 
     def _close(self, opened: Opened | None, last: int) -> None:
         """Book the step that has been taken."""

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from particlesim.bodies import Bodies
 from particlesim.emitters import Emitter, Schedule
 from particlesim.engine.rigid.rotation import matrix
+from particlesim.engine.state.clinging import Holder
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.prescribed import Driven
-from particlesim.engine.state.table import CLOCK, HEARD, ROTATION, SPIN, TRACED, WATCHED
+from particlesim.engine.state.table import CLINGS, CLOCK, HEARD, ROTATION, SPIN, TRACED, WATCHED
 from particlesim.engine.step.records import may_exhaust, may_miss, needs_clock
 from particlesim.errors import UsageError
 from particlesim.graph.graph import Island
@@ -24,7 +25,7 @@ from particlesim.model.attributes import ATTRIBUTES
 from particlesim.model.quaternions import UNTURNED, times
 from particlesim.sampling.random_streams import Streams
 from particlesim.sampling.shapes import Shape
-from particlesim.scenario.reach import spins
+from particlesim.scenario.reach import codes_of_groups, spins
 from particlesim.scenario.scenario import Scenario
 
 
@@ -41,6 +42,8 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
     layout = group.layout if isinstance(group, Particles) else None
     count = (layout.number() or 0) if layout is not None else _capacity(scenario, group)
     clocked = needs_clock(group, colliders, bool(motions))
+    sticky = [each for each in colliders if each.contact == "stick"]
+    clings = any(each.motion is not None for each in sticky)
     state = GroupState(
         group.name,
         count,
@@ -51,12 +54,15 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
             *([CLOCK] if clocked else []),
             *([ROTATION] if isinstance(group, Bodies) else []),
             *([SPIN] if spins(scenario, group) else []),
-            *([HEARD] if island.heard and any(k is not None for k in island.heard[member]) else []),
+            *([HEARD] if _heard(scenario, island, member) else []),
+            *([CLINGS] if clings else []),
             *([WATCHED] if may_miss(colliders, group) else []),
             *([TRACED] if may_exhaust(colliders, group) else []),
         ],
         cooling=group.cooling,
     )
+    if clings:
+        state.holders = tuple(Holder(each.body()) for each in sticky)
     if layout is None:
         return state
     streams = scenario.streams(group)
@@ -93,6 +99,14 @@ def populate(scenario: Scenario, island: Island, group: Group) -> GroupState:
         if group.angular_velocity is not None:
             state.angular_velocity[:, :count] = np.transpose(np.atleast_2d(group.angular_velocity))
     return state
+
+
+def _heard(scenario: Scenario, island: Island, member: int) -> bool:
+    """Whether emitters react to impacts of a group."""
+    every = [group.name for group in scenario.groups]
+    on_groups = codes_of_groups(scenario, [island.groups[member].name], every)
+    on_colliders = island.heard[member] if island.heard else ()
+    return any(k is not None for k in on_colliders) or bool((on_groups < -1).any())
 
 
 def _turn(state: GroupState, group: Bodies, streams: Streams) -> None:

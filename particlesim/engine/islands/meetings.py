@@ -100,6 +100,7 @@ class Meetings:
         ids = np.concatenate([state.id[rows] for state, rows in self._chosen])
         gain, besides = ties.gain(self._chosen), self._bodies.loads.awaited(ids)
         load = np.where(hang > 0, np.concatenate([gain, np.zeros_like(gain)]), besides)
+        self._bodies.guests = tuple(state.name for state, _ in self._chosen)
         self._bodies.visitors = among(self._chosen, np.ascontiguousarray(surfaces), load, number, hang)
         self._bodies.pull_on = self._accelerations
 
@@ -135,11 +136,15 @@ class Meetings:
 
     def dismiss(self) -> None:
         """After it: particles get their new velocities, and methods that remember the old ones start anew."""
+        from particlesim.engine.rigid.hearing import tell_particles
+
         assert self._bodies is not None
         after, visitors = self._bodies.left, self._bodies.visitors
         assert visitors is not None
         self._bodies.visitors = self._bodies.pull_on = None
         self._forget_jolts()
+        if self._bodies.told is not None:
+            tell_particles(self._bodies.told, self._chosen)
         first = 0
         for state, rows in self._chosen:
             part = slice(first, first + len(rows))

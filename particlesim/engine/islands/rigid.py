@@ -18,16 +18,15 @@ from particlesim.engine.islands.rigid_scene import colliders_of, scene_of, some_
 from particlesim.engine.ledger.sums import measure
 from particlesim.engine.rigid.bodies import (
     FEATURES,
-    NOBODY,
     WORLD,
     Bodies,
-    Memory,
     Motion,
     new_contacts,
     new_memory,
     new_motion,
 )
 from particlesim.engine.rigid.fluids import through_surface
+from particlesim.engine.rigid.hearing import share_out, with_particles
 from particlesim.engine.rigid.joint_system import (
     made_joints,
     require_speeds,
@@ -49,7 +48,7 @@ from particlesim.engine.rigid.kernel import (
     velocities_of,
 )
 from particlesim.engine.rigid.loads import Loads
-from particlesim.engine.rigid.memory import address
+from particlesim.engine.rigid.memory import copy_of, larger
 from particlesim.engine.rigid.rods import held_rows, rod_lines, seats_of
 from particlesim.engine.rigid.room import no_room
 from particlesim.engine.rigid.spring_layout import body_springs, lines
@@ -73,6 +72,7 @@ from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.graph.graph import Island
 from particlesim.model.arrays import Floats, Ints
 from particlesim.process.threads import Team
+from particlesim.scenario.reach import codes_of_groups
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
@@ -140,6 +140,10 @@ class RigidIsland(BaseIsland):
         self.pull_on: Callable[[float, Floats | None], tuple[Floats, Floats]] | None = None
         """By how much what else acts on them accelerates them at a time [m/s²], if they are shifted by so much, and by how
         much they were in the precision of their places, shape [3, n]."""
+        self.guests: tuple[str, ...] = ()
+        """The names of their groups, by kind."""
+        self.told: Floats | None = None
+        """Their impacts that emitters hear, as `hearing` has them."""
         self.left: Left
         """The visitors after the step."""
         if self._made:
@@ -247,6 +251,7 @@ class RigidIsland(BaseIsland):
             self.watch[:], self.tired[:] = hurried
             report[0] = GOOD
         self._have(whole)
+        self.told = share_out(scene.hearing, self._scene.hearing)
         self._asked, self.visitors = lies(guests), visitors
         self.left = left(whole, guests, visitors, self.dt)
         return None
@@ -283,6 +288,10 @@ class RigidIsland(BaseIsland):
         whole, booking = joined(b, visitors), self._booking()
         springs = (*booking.springs, *self.ties.springs(visitors, b.w.size))
         scene = booking._replace(guests=guests_of(visitors, b.w.size, self.dt), springs=springs)
+        if scene.hearing is not None:
+            names = (*(state.name for state in self.states), *self.guests)
+            code = codes_of_groups(self._scenario, names, names)
+            scene = scene._replace(hearing=with_particles(scene.hearing, code, visitors))
         if scene.joints is not None:
             strangers = np.zeros(len(visitors.w) - visitors.held, scene.joined.dtype)
             scene = scene._replace(joined=np.append(scene.joined, strangers))
@@ -361,6 +370,11 @@ class RigidIsland(BaseIsland):
                 if no_room(look, allowed):
                     return each
         return None
+
+    def are_partners(self, i: int, j: int) -> bool:
+        """Whether a joint holds two bodies together that do not touch each other."""
+        where = self._scene.partner_from
+        return j in self._scene.partners[where[i] : where[i + 1]]
 
     def keep(self, first: int, *, fresh: bool = True) -> None:
         self.kept_from = first
@@ -475,19 +489,3 @@ def _kinetic(b: Bodies, motion: Motion) -> float:
     velocities_of(b, motion)
     mass = np.divide(1.0, b.w, out=np.zeros_like(b.w), where=b.w > 0)
     return float(0.5 * ((mass * b.v**2).sum() + (motion.now[:, 3:].T * b.spin).sum()))
-
-
-def copy_of(memory: Memory) -> Memory:
-    """A memory of its own."""
-    return Memory(*(array.copy() for array in memory))
-
-
-def larger(memory: Memory, contacts: int) -> Memory:
-    """A memory with room for more contacts, and the same impulses in it."""
-    found = new_memory(max(contacts, memory.keys.shape[1] // 2), len(memory.order))
-    found.order[:] = memory.order
-    for old in np.flatnonzero(memory.keys[0] != NOBODY).tolist():
-        at = address(found, *(int(key) for key in memory.keys[:, old]))
-        found.keys[:, at] = memory.keys[:, old]
-        found.impulse[:, at] = memory.impulse[:, old]
-    return found

@@ -26,10 +26,10 @@ from particlesim.engine.rigid.swift import new_swift
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
 from particlesim.engine.state.group_state import GroupState
-from particlesim.engine.state.table import HEARD
+from particlesim.engine.state.table import HEARD, HIT
 from particlesim.graph.graph import Island
 from particlesim.model.attributes import FURTHER
-from particlesim.scenario.reach import meetings_of
+from particlesim.scenario.reach import codes_of_groups, meetings_of
 from particlesim.scenario.scenario import Scenario
 
 SLOP = 1e-4
@@ -97,14 +97,18 @@ def scene_of(
         partner_from,
         None if books is None else _work(books, springs, groups),
         swift=new_swift([group.shape for group in groups], owner, some_fall(structure, groups, scenario)),
-        hearing=_hearing(structure, whole),
+        hearing=_hearing(structure, whole, owner, scenario),
     )
     return scene, order
 
 
-def _hearing(structure: Island, whole: GroupState) -> Hearing | None:
-    """Which impacts of bodies emitters hear; None where they hear none."""
-    if HEARD not in whole.parts:
+def _hearing(
+    structure: Island, whole: GroupState, owner: NDArray[np.int64], scenario: Scenario
+) -> Hearing | None:
+    """Which impacts of bodies, and of particles on them, emitters hear; None where they hear none."""
+    names = [group.name for group in structure.groups]
+    others = [group.name for group in scenario.groups if group.name not in names]
+    if HEARD not in whole.parts and (codes_of_groups(scenario, others, names) == -1).all():
         return None
     numbers = np.full((len(colliders_of(structure)), len(structure.groups)), -1)
     for k, collider in enumerate(colliders_of(structure)):
@@ -113,7 +117,9 @@ def _hearing(structure: Island, whole: GroupState) -> Hearing | None:
                 if each is collider and number is not None:
                     numbers[k, g] = number
     n = whole.count
-    return Hearing(numbers, whole.hit[:, :n], whole.radius[:n].astype(float))
+    rows = whole.hit[:, :n] if HEARD in whole.parts else np.zeros((len(HIT), n))
+    code = codes_of_groups(scenario, names, names)
+    return Hearing(numbers, rows, whole.radius[:n].astype(float), owner, whole.id[:n].copy(), code)
 
 
 def _work(books: Books, springs: Sequence[Laid], groups: Sequence[BodyGroup]) -> Work:

@@ -264,7 +264,7 @@ def step_bodies(
         else:
             solve(b, k, motion, memory, scene.joints, dt)
             if scene.hearing is not None:
-                note_impacts(scene.hearing, b, k, motion, middle)
+                note_impacts(scene.hearing, b, k, motion, middle, dt)
         if scene.work is not None:
             book_step(scene, b, k, motion, middle, dt)
         if k.number[0] > 0:

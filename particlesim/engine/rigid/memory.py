@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined
-from particlesim.engine.rigid.bodies import NOBODY, row
+from particlesim.engine.rigid.bodies import NOBODY, Memory, new_memory, row
 from particlesim.engine.rigid.contact_rows import bounded, strike
 from particlesim.engine.rigid.stops import LIMIT, MOTOR, ROLL
 
@@ -72,3 +72,19 @@ def remember(k: Any, memory: Any) -> None:
                     total += k.rows[c, d, start + axis] * k.impulse[c, d]
                 turns = k.turns[c] == LIMIT or k.turns[c] == MOTOR
                 memory.impulse[axis, at] = k.impulse[c, 0] if turns else scale * total
+
+
+def copy_of(memory: Memory) -> Memory:
+    """A memory of its own."""
+    return Memory(*(array.copy() for array in memory))
+
+
+def larger(memory: Memory, contacts: int) -> Memory:
+    """A memory with room for more contacts, and the same impulses in it."""
+    found = new_memory(max(contacts, memory.keys.shape[1] // 2), len(memory.order))
+    found.order[:] = memory.order
+    for old in np.flatnonzero(memory.keys[0] != NOBODY).tolist():
+        at = address(found, *(int(key) for key in memory.keys[:, old]))
+        found.keys[:, at] = memory.keys[:, old]
+        found.impulse[:, at] = memory.impulse[:, old]
+    return found

@@ -115,6 +115,7 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
         quick = before < -RESTING * abs(free - before + h * own)
         rebound = -restitution_at(k, c, -before) * before
         e = k.surface[0, c] if k.falls is None else restitution_at(k, c, speed_there(before, free, gap, h))
+        struck = before
         if k.late[0, c] > 0:
             # At that time of the step it is as fast as all that acts has made it by then, not as at the beginning.
             lies = k.late[2, c] == LIES
@@ -124,7 +125,8 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
             rebound = kicked - answered(e, k.late[3, c] * k.rows[c, 0, 15]) * struck
         elif lies_under or (k.second[c] == WORLD and 0 < e < 1):
             rebound = max(turned_around(before, free, gap, e, h), -room)
-        k.struck[c] = -before if meets and quick and k.second[c] == WORLD else 0.0
+        hits = meets and quick and k.turns[c] == 0
+        k.struck[c] = -struck if hits else 0.0
         k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -room
         largest = max(largest, max(abs(now), abs(now - before)))
         if meets:

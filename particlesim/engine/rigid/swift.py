@@ -261,8 +261,9 @@ def look_at_walls(scene: Any, b: Any, motion: Any, i: Any, t: Any, left: Any, la
 
 
 @outlined
-def look_at_bodies(scene: Any, b: Any, motion: Any, i: Any, now: Any, left: Any, late: Any) -> Any:
-    """For how long body i may go on beside all others, and the one that it has rebounded from, NOBODY if there is none."""
+def look_at_bodies(scene: Any, b: Any, motion: Any, i: Any, t: Any, now: Any, left: Any, late: Any) -> Any:
+    """For how long body i may go on at time t beside all others, and the one that it has rebounded from, NOBODY if there
+    is none."""
     s, least, hit, speed = scene.swift, left, NOBODY, speed_of(scene, motion, i)
     for j in range(own(scene, b)):
         if hit == NOBODY and j != i and may_meet(scene, b, i, j, speed, now, left):
@@ -270,6 +271,8 @@ def look_at_bodies(scene: Any, b: Any, motion: Any, i: Any, now: Any, left: Any,
             least = min(least, free)
             if free < 0:
                 close = 2 * TOUCHING * min(s.inner[i], s.inner[j])
+                if scene.hearing is not None:
+                    note_swift(scene.hearing, b, s.contacts, motion, close, t)
                 s.gain[0] += rebound(b, s.contacts, motion, i, j, close, late)
                 hit = j
     return least, hit
@@ -341,7 +344,7 @@ def go_on(scene: Any, b: Any, motion: Any, i: Any, count: Any, t: Any, h: Any, s
     free = look_at_walls(scene, b, motion, i, t + now, h - now, late)
     struck = free < 0
     if not struck:
-        beside, hit = look_at_bodies(scene, b, motion, i, now, h - now, late)
+        beside, hit = look_at_bodies(scene, b, motion, i, t + now, now, h - now, late)
         free = min(free, beside)
         struck = hit != NOBODY
     s.safe[i] = min(now + free, h)

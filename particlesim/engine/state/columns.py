@@ -31,6 +31,7 @@ class Clock(NamedTuple):
     from its beginning, and the dead stay until its end. What acts on them has no effect, as they do not move, and they act
     on others as far as they are there (`presence`). Pinned and stuck particles, whose `start` is infinite, act as all
     others do. `begin` and `end` are those of the present step [s] where particles step together (`in_step`), else None.
+    `stuck`: when each has stuck [s], None where nobody asks.
     """
 
     start: Any
@@ -38,6 +39,7 @@ class Clock(NamedTuple):
     outcome: Any
     begin: Any = None
     end: Any = None
+    stuck: Any = None
 
 
 class Spin(NamedTuple):
@@ -267,7 +269,7 @@ def in_step(c: Any, begin: Any, end: Any) -> Any:
     """Columns in the step from `begin` to `end`, or at one moment if these are the same."""
     if c.clock is None:
         return c
-    clock = Clock(c.clock.start, c.clock.stop, c.clock.outcome, begin, end)
+    clock = Clock(c.clock.start, c.clock.stop, c.clock.outcome, begin, end, c.clock.stuck)
     return Columns(
         c.x,
         c.y,
@@ -318,6 +320,8 @@ def note(clock: Any, i: Any, outcome: Any, t: Any) -> None:
     if clock is None:
         return
     clock.start[i] = np.inf if outcome == STICK else clock.start[i]
+    if clock.stuck is not None:
+        clock.stuck[i] = t if outcome == STICK else clock.stuck[i]
     clock.stop[i] = t if outcome >= KILL else clock.stop[i]
     clock.outcome[i] = max(clock.outcome[i], outcome)
 

@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.engine.state.clinging import NONE, Holder, carried, catch
 from particlesim.engine.state.columns import Clock, Columns, Spin, Thermal
 from particlesim.engine.state.prescribed import Driven, drive_to
 from particlesim.engine.state.table import (
+    CLINGS,
     CLOCK,
     HEARD,
     HIT,
@@ -65,6 +67,8 @@ class GroupState:
     stop: NDArray[np.float64]
     outcome: NDArray[np.int8]
     cause: NDArray[np.uint8]
+    stuck_at: NDArray[np.float64]
+    held: NDArray[np.float64]
     missed: NDArray[np.int64]
     exhausted: NDArray[np.int32]
     hit: NDArray[np.float64]
@@ -90,6 +94,8 @@ class GroupState:
         self.cooling = cooling
         self.count = 0
         self.driven: tuple[Driven, ...] = ()
+        self.holders: tuple[Holder, ...] = ()
+        """The colliders that particles stick to, where some of them move."""
         self.axes = UNTURNED
         self.missed_by_dead, self.exhausted_by_dead = 0, 0
         self._allocate(capacity, memory)
@@ -197,7 +203,7 @@ class GroupState:
             self.mass[:n],
             self.radius[:n] if "radius" in read else None,
             heat,
-            Clock(self.start[:n], self.stop[:n], self.outcome[:n]) if self.clocked else None,
+            self._clock(n) if self.clocked else None,
             tuple(self.memory[:, :n]),
             tuple(self.attribute(each.name) if each.name in read & self.parts else None for each in FURTHER),
             Spin(*self.angular_velocity[:, :n], *self.turned[:, :n]) if SPIN in self.parts else None,
@@ -205,6 +211,10 @@ class GroupState:
             self.exhausted[:n] if TRACED in self.parts else None,
             tuple(self.hit[:, :n]) if HEARD in self.parts else (),
         )
+
+    def _clock(self, n: int) -> Clock:
+        stuck = self.stuck_at[:n] if CLINGS in self.parts else None
+        return Clock(self.start[:n], self.stop[:n], self.outcome[:n], stuck=stuck)
 
     def arrays(self) -> list[NDArray[Any]]:
         """All columns row by row, in the order of the table; those that the group does not have are empty."""
@@ -240,6 +250,17 @@ class GroupState:
         """Put particles that are led along paths where they are at a time."""
         if self.driven:
             drive_to(self.driven, self.x, self.v, time)
+
+    def carry(self, time: float) -> None:
+        """Put particles that have stuck to colliders which move where these have taken them by a time."""
+        if not self.holders:
+            return
+        n = self.count
+        new = np.flatnonzero((self.outcome[:n] == STICK) & (self.held[0, :n] == NONE))
+        if new.size:
+            x, radius = self.x[:, new].astype(float), self.radius[new].astype(float)
+            self.held[:, new] = catch(self.holders, x, radius, self.stuck_at[new])
+        carried(self.holders, self.held[:, :n], time, self.x[:, :n], self.v[:, :n])
 
     def kick(self, impulse: tuple[float, float, float]) -> None:
         """Δv = j/m for every particle that is free to move; methods that remember the velocity start anew."""

@@ -51,6 +51,9 @@ SPIN = "spin"
 CLOCK = "clock"
 """Part of groups whose particles may be born, die, stick or be pinned."""
 
+CLINGS = "clings"
+"""Part of groups whose particles may stick to colliders that move."""
+
 WATCHED = "watched"
 """Part of groups that may pass a collider unseen."""
 
@@ -60,9 +63,10 @@ TRACED = "traced"
 HEARD = "heard"
 """Part of groups to whose impacts an emitter reacts."""
 
-HIT = ("time", "collider", "speed", *("x", "y", "z"), *("nx", "ny", "nz"), *("vx", "vy", "vz"))
-"""The columns of an impact: time [s], the number of the collider, the speed along its normal relative to it [m/s], the place
-of the particle [m], the normal, and the velocity before it [m/s]."""
+HIT = ("time", "collider", "speed", *("x", "y", "z"), *("nx", "ny", "nz"), *("vx", "vy", "vz"), "other")
+"""The columns of an impact: time [s], the number of the collider or the code of a group (`reach.codes_of_groups`), the
+speed along its normal relative to it [m/s], the place of the particle [m], the normal, the velocity before it [m/s], and the
+id of the particle or body of that group, −1 for a collider."""
 
 TABLE: tuple[Column, ...] = (
     Column("x", "m", ("x", "y", "z"), rows=3, changes=True),
@@ -76,6 +80,8 @@ TABLE: tuple[Column, ...] = (
     Column("stop", "s", ("clock",), dtype=np.float64, changes=True, part=CLOCK),
     Column("outcome", "", ("clock",), dtype=np.int8, changes=True, part=CLOCK),
     Column("cause", "", dtype=np.uint8, part=CLOCK),
+    Column("stuck_at", "s", ("clock",), dtype=np.float64, changes=True, part=CLINGS),
+    Column("held", "m", rows=4, dtype=np.float64, part=CLINGS),
     Column("missed", "", ("missed",), dtype=np.int64, changes=True, part=WATCHED),
     Column("exhausted", "", ("exhausted",), dtype=np.int32, changes=True, part=TRACED),
     Column("hit", "", ("hit",), rows=len(HIT), dtype=np.float64, changes=True, part=HEARD),

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from particlesim.colliders.moving import MovingRecord, alight, ride
-from particlesim.colliders.response import crossable, opposite
+from particlesim.colliders.response import at_rest, crossable, opposite
 from particlesim.colliders.way import place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
-from particlesim.engine.step.contacts import MANY, Careful, Simple, farther, nowhere
-from particlesim.laws.registry import apart, first_contact, gap, moved_to
+from particlesim.engine.step.contacts import MANY, Careful, Simple, by_calls, farther, nowhere
+from particlesim.laws.registry import apart, first_contact, gap, moved_to, normal
 
 EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
 """The rounding error of 1 in each precision."""
@@ -101,6 +101,9 @@ def _bent_evenly(p: Any, q: Any, h: Any) -> Any:
     return off <= type_of(h, EVEN) * (abs(x) + abs(y) + abs(z))
 
 
+LONGER = 1.1
+"""The square of how much longer than at the faster of its ends a particle may have come in a step."""
+
 # What discrete detection does not see
 
 
@@ -142,6 +145,62 @@ def crossings(contacts: Any, p: Any, q: Any, h: Any) -> int:
         if through and (gap(c, q) > slack or opposite(c, p, q)):
             number += 1
     return number
+
+
+# What a step with impacts has led through
+
+
+def thin(contacts: Any) -> Any:
+    """The continuous colliders that a way may cross."""
+    return () if isinstance(contacts, Simple) else tuple(c for c in contacts.continuous if crossable(c))
+
+
+@outlined
+def passed(contacts: Any, p: Any, q: Any, h: Any) -> int:
+    """How many continuous colliders a step of h from p to q, with impacts on the way or none, has led through for sure: both
+    ends are outside, on opposite sides, and no way around the rim is as short as the particle came."""
+    number = 0
+    slack = _noise(p, q, h)
+    for c in thin(by_calls(contacts)):
+        a, e, still = p, q, c
+        if isinstance(c.shape, MovingRecord):
+            a, e, still = ride(c.shape, p), ride(c.shape, q), at_rest(c)
+        begin = straight(a, e, h)
+        if gap(still, a) >= -slack and gap(still, e) > slack and not apart(still, begin, e, h, slack):
+            s = first_contact(still, begin, e, h, slack)
+            there = place_on(way_of(begin, e, h), begin, s)
+            if s < 1 and opposite(still, a, e) and _wide(still, a, e, there, h):
+                number += 1
+    return number
+
+
+@outlined
+def _wide(c: Any, p: Any, q: Any, there: Any, h: Any) -> bool:
+    """Whether a thin collider reaches so far around a place of the straight way from p to q that a particle cannot have gone
+    around it in a time h. A way of length L between places at a distance d comes no farther than b = √(L² − d²)/2 from the
+    line between them, and a convex sheet that holds four places at √2 b from there, crosswise, holds all of that circle."""
+    one, zero = type_of(h, 1), p.x - p.x
+    nx, ny, nz = (zero if axis is None else axis for axis in normal(c, p))
+    dx, dy, dz = q.x - p.x, q.y - p.y, q.z - p.z
+    fast = max(p.vx * p.vx + p.vy * p.vy + p.vz * p.vz, q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)
+    most = type_of(h, LONGER) * h * h * fast
+    far = np.sqrt(max(most - (dx * dx + dy * dy + dz * dz), zero) / 2)
+    lies = abs(ny) < type_of(h, 0.5)
+    ux, uy, uz = (nz if lies else -ny, zero if lies else nx, -nx if lies else zero)
+    k = far / np.sqrt(ux * ux + uy * uy + uz * uz)
+    ux, uy, uz = k * ux, k * uy, k * uz
+    near, holds = far / 8 + _noise(p, q, h), True
+    for turn in range(4):
+        i, j = (one if turn < 2 else -one), (one if turn % 2 == 0 else -one)
+        x = i * ux + j * (ny * uz - nz * uy)
+        y = i * uy + j * (nz * ux - nx * uz)
+        z = i * uz + j * (nx * uy - ny * ux)
+        half = type_of(h, 0.5 * 2**0.5)
+        beside = moved_to(
+            p, there.x + half * x, there.y + half * y, there.z + half * z, zero, zero, zero, p.t
+        )
+        holds &= gap(c, beside) < near
+    return holds
 
 
 def crossing(contacts: Any, on: Any, p: Any, q: Any, h: Any) -> Any:

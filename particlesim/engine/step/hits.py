@@ -72,3 +72,4 @@ def tell(rows: Any, i: Any, hit: Any) -> None:
         rows[3][i], rows[4][i], rows[5][i] = hit.p.x, hit.p.y, hit.p.z
         rows[6][i], rows[7][i], rows[8][i] = hit.x, hit.y, hit.z
         rows[9][i], rows[10][i], rows[11][i] = hit.p.vx, hit.p.vy, hit.p.vz
+        rows[12][i] = -1.0

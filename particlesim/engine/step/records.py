@@ -170,11 +170,8 @@ def group_program(
 
 
 def may_miss(colliders: Sequence[Collider], group: Group) -> bool:
-    """Whether particles of a group may pass a collider within a step without being seen."""
-    inert = group.dynamics.type != "second_order"
-    return any(
-        crossable(each.record()) for each in colliders if each.detection == "discrete" or each.soft or inert
-    ) and not isinstance(group, Bodies)
+    """Whether the way of a step may lead a particle of a group through a collider, which is counted."""
+    return any(crossable(each.record()) for each in colliders) and not isinstance(group, Bodies)
 
 
 def may_exhaust(colliders: Sequence[Collider], group: Group) -> bool:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from particlesim.colliders import Collider
 from particlesim.emitters import Schedule
+from particlesim.integrators import method_for
 from particlesim.model.attributes import OPTIONAL
 from particlesim.model.mistakes import Invalid, Path
 from particlesim.model.spelling import did_you_mean
-from particlesim.scenario.reach import acts_on, collider_tables, group_tables, unfelt
+from particlesim.scenario.reach import acts_on, collider_tables, group_tables, held_back, unfelt
 from particlesim.scenario.rules import bodies, impacts, interactions, joints, periodic, walls
 from particlesim.scenario.rules import rendering as pictures
 from particlesim.scenario.rules.checks import disagreements
@@ -76,9 +78,11 @@ def references(scenario: Tables) -> Iterator[Invalid]:
             places.append(((*here, "on"), joint.on))
         places += [((*here, "between", j), name) for j, name in enumerate(joint.between or ())]
     places += [
-        (("emitters", k, "on_impact", "of", j), name)
+        (("emitters", k, "on_impact", key, j), name)
         for k, emitter in enumerate(scenario.emitters)
-        for j, name in enumerate(emitter.on_impact.of if emitter.on_impact is not None else ())
+        if emitter.on_impact is not None
+        for key in ("of", "against")
+        for j, name in enumerate(getattr(emitter.on_impact, key) or ())
     ]
     places += interactions.named_groups(scenario)
     places += [(("motions", k, "on"), m.on) for k, m in enumerate(scenario.motions) if m.on is not None]
@@ -105,11 +109,7 @@ def led_colliders(scenario: Tables) -> Iterator[Invalid]:
             continue
         path, collider = named[motion.collider]
         if collider.contact == "stick":
-            yield Invalid(
-                "particles that stick to a collider stay where they are, and a moving collider would leave them behind",
-                here,
-                (((*path, "contact"), "stick here"),),
-            )
+            yield from _carries(scenario, here, path, collider)
         if motion.collider in led:
             yield Invalid(
                 f"{motion.collider!r} is led already",
@@ -118,6 +118,41 @@ def led_colliders(scenario: Tables) -> Iterator[Invalid]:
                 hint="one motion may have a path and a spin",
             )
         led[motion.collider] = k
+
+
+def _carries(scenario: Tables, motion: Path, path: Path, collider: Collider) -> Iterator[Invalid]:
+    """A collider that moves takes along what sticks to it where particles step alone: others would have to feel it on its
+    way within a step."""
+    sticks = ((*path, "contact"), "stick here")
+    hint = f"name the groups that the {collider.kind} acts on with on = [...], or let them bounce"
+    for place, names, _ in joints.coupling_tables(scenario):
+        for name in names:
+            if held_back(collider, [name]):
+                yield Invalid(
+                    f"a collider that moves cannot hold on to {name!r}, whose particles act on others",
+                    motion,
+                    (sticks, (place, "here")),
+                    hint=hint,
+                )
+                return
+    for where, group in group_tables(scenario):
+        if group.name in scenario.tied and held_back(collider, [group.name]):
+            yield Invalid(
+                f"a collider that moves cannot hold on to {group.name!r}, which is tied to bodies",
+                motion,
+                (sticks, (where, "this group")),
+                hint=hint,
+            )
+            return
+        method = method_for(group.integrator or scenario.simulation.integrator)
+        if method.together and held_back(collider, [group.name]):
+            yield Invalid(
+                f"a collider that moves cannot hold on to {group.name!r}, which {method.name} steps as a whole",
+                motion,
+                (sticks, (where, "this group")),
+                hint=hint,
+            )
+            return
 
 
 def _unknown_group(path: Path, name: str, known: list[str]) -> Invalid:

@@ -15,6 +15,7 @@ from particlesim.scenario.reach import (
     interacting,
     meetings_of,
     pair_sets,
+    touches_by_surfaces,
 )
 from particlesim.scenario.tables import Tables
 
@@ -57,12 +58,39 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
                 )
             else:
                 hears.setdefault(owner[emitter.name], set()).add(owner[name])
-        yield from _places(scenario, here, event.of, event.at)
+        if event.against is None or event.at is not None:
+            yield from _places(scenario, here, event.of, event.at)
+        for j, name in enumerate(event.against or ()):
+            if not any(_touch(scenario, one, name) for one in event.of):
+                yield Invalid(
+                    f"{', '.join(map(repr, event.of))} and {name!r} do not touch each other by impulses",
+                    (*here, "against", j),
+                    ((tables[name][0], "this group"),),
+                    hint='a contact with model = "impulse" between them has impacts that are heard, but not that of cloth '
+                    "and other layouts with edges",
+                )
         if _circle(hears, owner[emitter.name]):
             yield Invalid(
                 f"births of {emitter.name!r} would follow from impacts that its own births cause",
                 (*here, "of"),
             )
+
+
+def _touch(scenario: Tables, one: str, other: str) -> bool:
+    """Whether particles or bodies of two groups meet each other by impulses of single contacts."""
+    bodies = [group.name for group in scenario.bodies]
+    if one in bodies and other in bodies:
+        return True
+    if any({one, other} == {each.particles, each.bodies} for each in meetings_of(scenario)):
+        return True
+    for pairs in pair_sets(scenario):
+        law = pairs.law
+        groups = [group for group in scenario.groups if group.name in pairs.groups]
+        if isinstance(law, Contact) and law.by_impulses and not touches_by_surfaces(law, groups):
+            both = one in pairs.groups and other in pairs.groups
+            if both and (law.between is None or one != other):
+                return True
+    return False
 
 
 def _places(

@@ -17,6 +17,7 @@ from particlesim.colliders.response import bounce_at, rebound
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.bench import REST
 from particlesim.engine.interactions.hard.friction import held_by
+from particlesim.engine.interactions.hard.overheard import tell_both
 from particlesim.engine.interactions.hard.turns import bounces_at
 from particlesim.engine.interactions.hard.walls import FLAT, colliders_of, whole
 from particlesim.engine.interactions.hard.ways import (
@@ -73,8 +74,8 @@ def add(rows: Any, i: Any, part: Any, v: Any) -> None:
 
 
 @outlined
-def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
-    """The impact of particles i and j at time s of a step of h."""
+def strike(each: Any, c: Any, i: Any, j: Any, s: Any, end: Any, h: Any) -> None:
+    """The impact of particles i and j at time s of a step of h that ends at a time."""
     w, law = each.ways, each.law
     wi, wj, both = w.light[i], w.light[j], w.light[i] + w.light[j]
     image = row(w.image, i)
@@ -95,6 +96,9 @@ def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
         lively = (approach > REST * abs(pressed)) | (law.restitution >= 1)
         change = approach * (1.0 + (float(bounces_at(law, approach)) if lively else 0.0))
         change = max(change, min(meets, 2.0 * approach))
+        if each.heard is not None and lively:
+            when, one, two = end - (1.0 - s) * float(h), velocity_at(w, i, s), velocity_at(w, j, s)
+            tell_both(each.heard, c, i, j, row(w.at, i), row(w.at, j), n, approach, one, two, when)
     x, y, z = change * n[0], change * n[1], change * n[2]
     if law.friction is not None:
         t = rub(each, c, i, j, n, u, far, change)

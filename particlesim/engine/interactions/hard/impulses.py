@@ -58,6 +58,7 @@ from particlesim.engine.interactions.hard.memory import (
     there_is,
     with_room,
 )
+from particlesim.engine.interactions.hard.overheard import Overheard, overhear, overheard_of
 from particlesim.engine.interactions.hard.swift import hasten
 from particlesim.engine.interactions.hard.turns import (
     SETTLED,
@@ -102,7 +103,7 @@ class ImpulseColumns(NamedTuple):
     """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, a report; the energy that moving
     particles apart has given them so far [J], and how often one has had too many impacts in a step [2]; what contacts at
     rest have been given. The ways of swift particles, which all of an island have in common; on which side of the contacts
-    particles are [n]: bits of what they are, and two bits above them of what they meet."""
+    particles are [n]: bits of what they are, and two bits above them of what they meet; what emitters hear of them."""
 
     law: Any
     least: Any
@@ -120,6 +121,7 @@ class ImpulseColumns(NamedTuple):
     known: Known
     ways: Ways
     side: Any
+    heard: Overheard | None = None
 
 
 class Impulses(NearLists, ImpulseColumns):
@@ -184,7 +186,15 @@ class Impulses(NearLists, ImpulseColumns):
 
     def among(self, rows: Ints, place: Ints) -> Self:
         known = known_by(self.known, place, rows.size, self.known.partner.size)
-        return super().among(rows, place)._replace(known=known, side=self.side[rows])
+        return (
+            super()
+            .among(rows, place)
+            ._replace(known=known, side=self.side[rows], heard=self._heard_among(rows))
+        )
+
+    def _heard_among(self, rows: Ints) -> Overheard | None:
+        heard = self.heard
+        return None if heard is None else heard._replace(owner=heard.owner[rows], id=heard.id[rows])
 
     def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
         super().bring_back(there, rows, place)
@@ -262,6 +272,8 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     walls = watch_walls(each, parts, c, before, t, h)
     if each.report[COUNT] > 0:
         calm = look_at(each, c, before, walls, h)
+        if each.heard is not None:
+            overhear(each, c, t, h)
         note_speeds(each, c)
         if recall(each, c, walls):
             start(each, c, walls)
@@ -341,7 +353,8 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     bench = new_bench(room, sides, colliders * len(site.state) + 1, count, site.dtype, rolls)
     known = new_known(room + sides, count, site.dtype, rolls)
     ways, side = site.common.setdefault("ways", new_ways(count)), sides_of(found.near, count)
-    return Impulses(*found, bench, np.zeros(3, np.int64), np.zeros(2), known, ways, side)
+    heard = overheard_of(site, pairs.groups)
+    return Impulses(*found, bench, np.zeros(3, np.int64), np.zeros(2), known, ways, side, heard)
 
 
 def sides_of(near: Neighbours, count: int) -> Ints:

@@ -81,7 +81,7 @@ def hasten(sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
                 else:
                     for law, each in enumerate(sets):
                         if w.what[LAW, i] == law:
-                            strike(each, c, i, j, s, h)
+                            strike(each, c, i, j, s, t, h)
                     go_on(f, parts, c, i, s, high, t, h)
                     go_on(f, parts, c, j, s, high, t, h)
         put_back(w, fed, parts, c, t, h)
