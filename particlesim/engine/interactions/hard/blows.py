@@ -17,6 +17,7 @@ from particlesim.colliders.response import bounce_at, rebound
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.bench import REST
 from particlesim.engine.interactions.hard.friction import held_by
+from particlesim.engine.interactions.hard.swept import MOST_IMPACTS
 from particlesim.engine.interactions.hard.turns import bounces_at
 from particlesim.engine.interactions.hard.walls import FLAT, colliders_of, whole
 from particlesim.engine.interactions.hard.ways import (
@@ -37,8 +38,6 @@ from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.state.columns import fetch
 from particlesim.laws.registry import PASS, gap_and_normal, moved_to, with_radius
 
-MOST_IMPACTS = 64
-"""Impacts of a particle in a step, after which it stays where it is until the end of the step."""
 CORNERS = 2
 """How often all colliders are looked at that something may have been pushed into."""
 ROUNDING = 1e-12

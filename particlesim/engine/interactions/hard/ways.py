@@ -204,13 +204,27 @@ def bend_way(w: Any, i: Any, h: Any) -> None:
             w.what[THROWN, i] = LIES
 
 
-def begin_anew(w: Any, i: Any, h: Any) -> None:
-    """Have a particle that has been thrown back begin its way in a step of h anew, as if nothing were in it."""
+def begin_anew(w: Any, i: Any, h: Any) -> Any:
+    """Have a particle that has been thrown back begin its way in a step of h anew, as if nothing were in it; returns what it
+    began with (`begin_as_before`)."""
+    begun = tuple(
+        (w.go[axis, i], w.speed[axis, i], w.spin[axis, i], w.force[axis, i], w.first[axis, i]) for axis in range(3)
+    )
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     for axis in range(3):
+        if w.what[THROWN, i] != COLLIDER:
+            w.force[axis, i] = w.image[axis, i]
+            w.first[axis, i] += lasts * w.force[axis, i]
         w.speed[axis, i], w.spin[axis, i] = w.first[axis, i], w.spun[axis, i]
         w.go[axis, i] = float(h) * (w.speed[axis, i] - (0.5 - w.late[0]) * lasts * w.force[axis, i])
     w.what[TURNED, i] += 1
+    return begun
+
+
+def begin_as_before(w: Any, i: Any, begun: Any) -> None:
+    """Undo `begin_anew`."""
+    for axis in range(3):
+        w.go[axis, i], w.speed[axis, i], w.spin[axis, i], w.force[axis, i], w.first[axis, i] = begun[axis]
 
 
 def leg_of(w: Any, i: Any, s: Any) -> Any:
