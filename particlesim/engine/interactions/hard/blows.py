@@ -25,9 +25,10 @@ from particlesim.engine.interactions.hard.ways import (
     ENDS,
     HIT,
     IMPACTS,
-    LIFTED,
     SIDE,
     WALL,
+    carry,
+    let_go,
     place_at,
     stand_at,
     stay,
@@ -79,6 +80,8 @@ def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
     image = row(w.image, i)
     stand_at(w, i, s, h)
     stand_at(w, j, s, h)
+    let_go(w, i, s, h)
+    let_go(w, j, s, h)
     w.what[HIT, i] = w.what[HIT, j] = 1
     d = tuple(w.at[k, i] - w.at[k, j] + image[k] for k in range(3))
     far, g = np.sqrt(dot(d, d)), minus(row(w.go, j), row(w.go, i))
@@ -103,7 +106,7 @@ def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
         push(w, j, -wj / both, (x, y, z), h)
         tire(w, each.fed, i, s)
         tire(w, each.fed, j, s)
-        book(each.fed, keep_off(w, i, j, n, s) * max(-pressed, 0.0) / (both * float(h)))
+        book(each.fed, max(keep_off(w, i, j, n, s, h), 0.0))
 
 
 def push(w: Any, i: Any, part: Any, change: Any, h: Any) -> None:
@@ -121,17 +124,20 @@ def tire(w: Any, fed: Any, i: Any, s: Any) -> None:
         fed[1] += 1.0
 
 
-def keep_off(w: Any, i: Any, j: Any, n: Any, s: Any) -> Any:
-    """Turn the ways of two so that they do not lead into each other; how far that takes them apart in the step [m]. One that
-    stays where it is moves only for what nothing moves."""
+def keep_off(w: Any, i: Any, j: Any, n: Any, s: Any, h: Any) -> Any:
+    """Turn the ways of two so that they do not lead into each other from time s of a step of h on; the work that takes
+    against forces on both [J]. One that stays where it is moves only for what nothing moves."""
     into = dot(minus(row(w.go, j), row(w.go, i)), n)
     if into > 0:
         mine = w.light[i] if w.what[IMPACTS, i] < MOST_IMPACTS else 0.0
         other = w.light[j] if w.what[IMPACTS, j] < MOST_IMPACTS else 0.0
         mine, other = (mine, other) if mine + other > 0 else (w.light[i], w.light[j])
-        add(w.go, i, into * mine / (mine + other), n)
-        add(w.go, j, -into * other / (mine + other), n)
-        return into * (1.0 - s)
+        by = into / (mine + other)
+        add(w.go, i, by * mine, n)
+        add(w.go, j, -by * other, n)
+        one = dot(row(w.force, i), n) if mine > 0 else 0.0
+        two = dot(row(w.force, j), n) if other > 0 else 0.0
+        return (two - one) * by * (1.0 - s) / float(h)
     return 0.0
 
 
@@ -234,6 +240,7 @@ def bounce_off(w: Any, fed: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) 
     that moves, somebody hears of impacts, or it is to stick or to vanish."""
     s, response = w.when[WALL, i], collider.response
     stand_at(w, i, s, h)
+    let_go(w, i, s, h)
     known = not isinstance(collider.shape, MovingRecord) and response.heard is None
     if known & (w.what[IMPACTS, i] < MOST_IMPACTS - 1) and response.outcome == PASS:
         p = on_way(w, c, i, s, t, h)
@@ -245,10 +252,10 @@ def bounce_off(w: Any, fed: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) 
             add(w.speed, i, 1.0, change)
             add(w.go, i, float(h), change)
         w.what[IMPACTS, i] += 1
-        into = max(-dot(row(w.go, i), n), 0.0)
-        add(w.go, i, into, n)
-        pressed = max(-dot(row(w.force, i), n), 0.0)
-        w.when[LIFTED, i] += into * (1.0 - s) * pressed / (w.light[i] * float(h))
+        into = -dot(row(w.go, i), n)
+        if into > 0:
+            add(w.go, i, into, n)
+            carry(w, i, s, n)
     else:
         tire(w, fed, i, s)
         stay(w, i, s)

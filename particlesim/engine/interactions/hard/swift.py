@@ -32,7 +32,6 @@ from particlesim.engine.interactions.hard.ways import (
     HIT,
     LAW,
     LIES,
-    LIFTED,
     PARTNER,
     SEEN,
     SIZE,
@@ -49,7 +48,6 @@ from particlesim.engine.interactions.hard.ways import (
     is_member,
     place_at,
 )
-from particlesim.engine.interactions.lifting import book
 from particlesim.engine.state.columns import type_of
 
 MOST_LAPS = 1000
@@ -87,7 +85,7 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, t: Any, h: A
                     go_on(f, parts, c, i, s, high, t, h)
                     go_on(f, parts, c, j, s, high, t, h)
         put_back(w, fed, parts, c, t, h)
-        conclude_ways(w, fed, c, before)
+        conclude_ways(w, c, before)
 
 
 @outlined
@@ -255,7 +253,7 @@ def put(w: Any, k: Any, i: Any) -> None:
 
 
 @outlined
-def conclude_ways(w: Any, fed: Any, c: Any, before: Any) -> None:
+def conclude_ways(w: Any, c: Any, before: Any) -> None:
     """Give all that have been hit their places and velocities. In `before` they get the velocities with which they would
     have come to these without impacts, so that what comes after does not take impacts for forces."""
     for i in range(w.light.size):
@@ -264,7 +262,6 @@ def conclude_ways(w: Any, fed: Any, c: Any, before: Any) -> None:
             for axis, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
                 x[i], v[i] = type_of(x[i], now[axis]), type_of(v[i], w.speed[axis, i])
                 before[3 + axis, i] = type_of(x[i], w.speed[axis, i] - w.force[axis, i])
-            book(fed, w.when[LIFTED, i])
             if c.spin is not None:
                 for axis, spin in enumerate((c.spin.wx, c.spin.wy, c.spin.wz)):
                     spin[i] = type_of(spin[i], w.spin[axis, i])

@@ -21,10 +21,9 @@ from particlesim.engine.interactions.hard.bench import REST
 from particlesim.engine.interactions.neighbours.record import GROUP, level_starts
 from particlesim.engine.state.columns import held, span
 
-BEGUN, BEND, ENDS, DUE, WALL, LIFTED = range(6)
+BEGUN, BEND, ENDS, DUE, WALL = range(5)
 """Rows of `when`: the times at which a way begins, bends, and ends, 1 or that of a death, and of its next impacts, on
-another particle and on a collider; a way bends after 1 if it does not, and ends before 0 where a particle is not there.
-And the energy that colliders have given it by keeping it off [J]."""
+another particle and on a collider; a way bends after 1 if it does not, and ends before 0 where a particle is not there."""
 TURNED, PARTNER, SEEN, SLOT, IMPACTS, SIDE, FOLLOWED, THROWN, LAW, HIT = range(10)
 """Rows of `what`: how often a way has changed, with whom its next impact is, how often that one's way had changed when that
 was found, where it is in the queue, counted from 1, 0 if it is not, how many impacts it has had in the step, which collider
@@ -45,9 +44,9 @@ ASTRAY = 1e-3
 
 class Ways(NamedTuple):
     """Of every particle, in double precision: where its way begins, how far it leads in a whole step, both again after its
-    bend, [3, n] each [m]; its velocity at the end of the step, that without what has thrown it back, and by how much forces
-    change it in a whole step [3, n] [m/s]; its angular velocity at the end and at the beginning [3, n] [rad/s]; times
-    [6, n], numbers [10, n]; the displacement of the image that it meets next [3, n] [m]; its inverse mass, 0 of what nothing
+    bend, [3, n] each [m]; its velocity at the end of the step, that without what has thrown it back, by how much forces
+    change it in a whole step, and how much of that a collider carries on which it lies [3, n] [m/s]; its angular velocity at the end and at the beginning [3, n] [rad/s]; times
+    [5, n], numbers [10, n]; the displacement of the image that it meets next [3, n] [m]; its inverse mass, 0 of what nothing
     moves [n] [1/kg]; what to add to its place in a periodic box for an image inside [3, n] [m].
 
     The queue of impacts [n], and how many there are, and more [2]; by how much velocities are late, w − ½ [1]. Of one
@@ -63,6 +62,7 @@ class Ways(NamedTuple):
     speed: Any
     first: Any
     force: Any
+    carried: Any
     spin: Any
     spun: Any
     when: Any
@@ -94,12 +94,12 @@ class Field(NamedTuple):
 
 def new_ways(particles: int) -> Ways:
     """Room for the ways of the particles of an island."""
-    at, go, bend, on, speed, first, force, spin, spun = (np.zeros((3, particles)) for _ in range(9))
+    at, go, bend, on, speed, first, force, carried, spin, spun = (np.zeros((3, particles)) for _ in range(10))
     groups = max(-(-particles // GROUP), 1)
     levels, bits = level_starts(groups), max(particles.bit_length() // 3, 1)
     return Ways(
-        *(at, go, bend, on, speed, first, force, spin, spun),
-        np.zeros((6, particles)),
+        *(at, go, bend, on, speed, first, force, carried, spin, spun),
+        np.zeros((5, particles)),
         np.zeros((10, particles), np.int64),
         np.zeros((3, particles)),
         np.zeros(particles),
@@ -132,7 +132,8 @@ def begin_ways(f: Any, a: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     for i in range(w.light.size):
         for row in range(10):
             w.what[row, i] = 0
-        w.when[DUE, i], w.when[WALL, i], w.when[ENDS, i], w.when[LIFTED, i] = np.inf, np.inf, -1.0, 0.0
+        w.when[DUE, i], w.when[WALL, i], w.when[ENDS, i] = np.inf, np.inf, -1.0
+        w.carried[0, i] = w.carried[1, i] = w.carried[2, i] = 0.0
         w.light[i] = 0.0 if held(c.clock, i) else float(a[i])
         if is_member(f.sides, i):
             begin_way(f, c, before, i, t, h)
@@ -251,18 +252,58 @@ def place_at(w: Any, i: Any, s: Any) -> Any:
 
 def stand_at(w: Any, i: Any, s: Any, h: Any) -> None:
     """Have the way of a particle begin at time s of a step of h, with what is left of its leg, and nothing after that. Where
-    it had been thrown back after that time, it has the velocities of before; what lies has that of its way."""
+    it had been thrown back after that time, it has the velocities of before; what lies has that of its way (`rise`)."""
     begun, x, go = leg_of(w, i, s)
-    by, late = s - begun, w.when[ENDS, i] - s - w.late[0]
+    by = s - begun
     for axis in range(3):
         w.at[axis, i], w.go[axis, i] = x[axis] + by * go[axis], go[axis]
         if w.when[BEND, i] < STRAIGHT and s < w.when[BEND, i]:
             w.speed[axis, i], w.spin[axis, i] = w.first[axis, i], w.spun[axis, i]
-        if w.what[THROWN, i] == LIES:
-            w.speed[axis, i] = go[axis] / float(h) + late * w.force[axis, i]
+    if w.what[THROWN, i] == LIES:
+        rise(w, i, s, by, h)
     w.when[BEGUN, i], w.when[BEND, i] = s, STRAIGHT
     w.what[THROWN, i] = min(w.what[THROWN, i], COLLIDER)
     w.what[TURNED, i] += 1
+
+
+def rise(w: Any, i: Any, s: Any, since: Any, h: Any) -> None:
+    """Have forces act again on a particle that has lain on a collider, or hopped low, from time s of a step of h on, `since`
+    so long. It goes at the mean pace of its step, or as fast as its energy allows: it has had u at the beginning, and
+    what forces have done on its way since."""
+    lasts, left = w.when[ENDS, i] - w.when[BEGUN, i], w.when[ENDS, i] - s
+    most, square = 0.0, 0.0
+    for axis in range(3):
+        u, pace = w.first[axis, i] - (lasts - w.late[0]) * w.force[axis, i], w.go[axis, i] / float(h)
+        most += u * u + 2.0 * since * pace * w.force[axis, i]
+        square += pace * pace
+    part = min(np.sqrt(max(most, 0.0) / square), 1.0) if square > 0 else 1.0
+    for axis in range(3):
+        v, force = part * w.go[axis, i] / float(h), w.force[axis, i]
+        w.speed[axis, i] = v + (left - w.late[0]) * force
+        w.go[axis, i] = float(h) * (v + 0.5 * left * force)
+
+
+def carry(w: Any, i: Any, s: Any, n: Any) -> None:
+    """Have a collider with a normal n carry a particle that lies on it from time s on: forces do not press it into that."""
+    pressed = -(w.force[0, i] * n[0] + w.force[1, i] * n[1] + w.force[2, i] * n[2])
+    if pressed > 0:
+        left = w.when[ENDS, i] - s - w.late[0]
+        for axis in range(3):
+            w.force[axis, i] += pressed * n[axis]
+            w.speed[axis, i] += left * pressed * n[axis]
+            w.carried[axis, i] += pressed * n[axis]
+
+
+def let_go(w: Any, i: Any, s: Any, h: Any) -> None:
+    """Have all forces act again on a particle from time s of a step of h on, and bend its way."""
+    left = w.when[ENDS, i] - s
+    for axis in range(3):
+        by = w.carried[axis, i]
+        if by != 0:
+            w.force[axis, i] -= by
+            w.speed[axis, i] -= (left - w.late[0]) * by
+            w.go[axis, i] -= 0.5 * left * float(h) * by
+            w.carried[axis, i] = 0.0
 
 
 def velocity_at(w: Any, i: Any, s: Any) -> Any:
@@ -279,4 +320,4 @@ def stay(w: Any, i: Any, s: Any) -> None:
     """Have a particle stay where its way begins, at time s; as if time stood still, nothing acts on it either."""
     for axis in range(3):
         w.speed[axis, i] -= (w.when[ENDS, i] - s) * w.force[axis, i]
-        w.go[axis, i] = w.force[axis, i] = 0.0
+        w.go[axis, i] = w.force[axis, i] = w.carried[axis, i] = 0.0
