@@ -17,7 +17,6 @@ from particlesim.colliders.response import bounce_at, rebound
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.bench import REST
 from particlesim.engine.interactions.hard.friction import held_by
-from particlesim.engine.interactions.hard.swept import MOST_IMPACTS
 from particlesim.engine.interactions.hard.turns import bounces_at
 from particlesim.engine.interactions.hard.walls import FLAT, colliders_of, whole
 from particlesim.engine.interactions.hard.ways import (
@@ -25,6 +24,7 @@ from particlesim.engine.interactions.hard.ways import (
     ENDS,
     HIT,
     IMPACTS,
+    MOST_IMPACTS,
     SIDE,
     WALL,
     carry,

@@ -20,9 +20,9 @@ from particlesim.engine.interactions.hard.ways import (
     BEND,
     DUE,
     ENDS,
-    HIT,
     IMPACTS,
     LAW,
+    MOST_IMPACTS,
     PARTNER,
     SEEN,
     TURNED,
@@ -35,7 +35,7 @@ FAST = 0.5
 """Way of two relative to each other in a step, as a part of the sum of their radii, from which on they are followed: others
 overlap at its end if they meet."""
 SLOW = 0.01
-"""The same where one of them has been hit within the step."""
+"""The same where one of them is followed anyway: below it, they lie on each other, or come that far into each other."""
 CLOSES, ROUNDING = 1e-9, 1e-12
 """What two that touch come closer in the rest of a step to hit each other, at least, as parts of the sum of their radii, and
 of their way relative to each other."""
@@ -43,8 +43,6 @@ WIDER = 1e-9
 """By how much boxes are wider than ways, as a part of coordinates."""
 DEEPEST, LEVEL_SHIFT = 12, 40
 """Levels of the tree that there is room for; bits of a node in the list of those to look at, below its level."""
-MOST_IMPACTS = 64
-"""Impacts of a particle in a step, after which it stays where it is until the end of the step."""
 MOST_IMAGES = 8
 """Images of a periodic box in which a way is looked for, to each side."""
 
@@ -152,26 +150,23 @@ def widen(w: Any, axis: Any, group: Any, low: Any, high: Any) -> None:
 def meets_at(f: Any, i: Any, j: Any, image: Any, low: Any, high: Any) -> float:
     """When particle i, on one leg between two times, meets particle j, displaced by an image; infinite if it does not."""
     w, best, reach = f.ways, np.inf, float(f.r[i]) + float(f.r[j])
-    slow = FAST if w.what[HIT, i] + w.what[HIT, j] == 0 else SLOW
     begin, last = max(low, w.when[BEGUN, j]), min(high, w.when[ENDS, j])
     while (begin < last) & (best == np.inf):
         end = min(last, w.when[BEND, j]) if begin < w.when[BEND, j] else last
-        best = meet_between(w, i, j, image, begin, end, reach, slow * reach)
+        best = meet_between(w, i, j, image, begin, end, reach)
         begin = end
     return float(best)
 
 
-def meet_between(
-    w: Any, i: Any, j: Any, image: Any, low: Any, high: Any, reach: Any, least: Any
-) -> float:
-    """When two meet between two times at which neither's way bends, if they come farther than that in a step."""
+def meet_between(w: Any, i: Any, j: Any, image: Any, low: Any, high: Any, reach: Any) -> float:
+    """When two meet between two times at which neither's way bends, unless they move as one."""
     (bi, xi, gi), (bj, xj, gj) = leg_of(w, i, low), leg_of(w, j, low)
     d = tuple(xi[k] + (low - bi) * gi[k] - xj[k] - (low - bj) * gj[k] + image[k] for k in range(3))
     g = tuple(gi[k] - gj[k] for k in range(3))
     along = d[0] * g[0] + d[1] * g[1] + d[2] * g[2]
     square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2]
     far = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-    if (along >= 0) | (square <= least * least) | (far == 0):
+    if (along >= 0) | (square <= SLOW * SLOW * reach * reach) | (far == 0):
         return np.inf
     left = high - low
     if far <= reach * reach:  # which touch, and hit each other if they still come closer

@@ -260,8 +260,10 @@ def conclude_ways(w: Any, c: Any, before: Any) -> None:
         if (w.what[HIT, i] > 0) & (w.light[i] > 0):
             now, w.number[STRUCK] = place_at(w, i, w.when[ENDS, i]), 1
             for axis, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
-                x[i], v[i] = type_of(x[i], now[axis]), type_of(v[i], w.speed[axis, i])
-                before[3 + axis, i] = type_of(x[i], w.speed[axis, i] - w.force[axis, i])
+                # velocities that are late are so by all forces
+                speed = w.speed[axis, i] + w.late[0] * w.carried[axis, i]
+                x[i], v[i] = type_of(x[i], now[axis]), type_of(v[i], speed)
+                before[3 + axis, i] = type_of(x[i], speed - w.force[axis, i])
             if c.spin is not None:
                 for axis, spin in enumerate((c.spin.wx, c.spin.wy, c.spin.wz)):
                     spin[i] = type_of(spin[i], w.spin[axis, i])

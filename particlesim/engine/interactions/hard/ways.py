@@ -32,6 +32,8 @@ its next impact is, and whether another particle has hit it."""
 SOMETHING, COLLIDER, LIES = 1, 2, 3
 """For THROWN: that it moves as no method does, that a collider has thrown it back, and that it lies on one, or hops no
 higher than what lies."""
+MOST_IMPACTS = 64
+"""Impacts of a particle in a step, after which it stays where it is until the end of the step."""
 SIZE, STRUCK = range(2)
 """In `number`: how many are in the queue, and whether an impact has taken place in the step."""
 STRAIGHT = 2.0
@@ -295,11 +297,11 @@ def carry(w: Any, i: Any, s: Any, n: Any) -> None:
 
 
 def let_go(w: Any, i: Any, s: Any, h: Any) -> None:
-    """Have all forces act again on a particle from time s of a step of h on, and bend its way."""
+    """Have all forces act again on a particle from time s of a step of h on, and bend its way, unless it stays."""
     left = w.when[ENDS, i] - s
     for axis in range(3):
         by = w.carried[axis, i]
-        if by != 0:
+        if (by != 0) & (w.what[IMPACTS, i] < MOST_IMPACTS):
             w.force[axis, i] -= by
             w.speed[axis, i] -= (left - w.late[0]) * by
             w.go[axis, i] -= 0.5 * left * float(h) * by
@@ -319,5 +321,6 @@ def velocity_at(w: Any, i: Any, s: Any) -> Any:
 def stay(w: Any, i: Any, s: Any) -> None:
     """Have a particle stay where its way begins, at time s; as if time stood still, nothing acts on it either."""
     for axis in range(3):
-        w.speed[axis, i] -= (w.when[ENDS, i] - s) * w.force[axis, i]
-        w.go[axis, i] = w.force[axis, i] = w.carried[axis, i] = 0.0
+        w.speed[axis, i] -= (w.when[ENDS, i] - s - w.late[0]) * w.force[axis, i]
+        w.carried[axis, i] -= w.force[axis, i]
+        w.go[axis, i] = w.force[axis, i] = 0.0
