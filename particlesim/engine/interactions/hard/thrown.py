@@ -42,7 +42,7 @@ def bend_ways(w: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     for part in parts:
         for collider in colliders_of(part):
             find_thrown(w, collider, c, before, t, h, part.first, part.last)
-    bend_thrown(w, h)
+    bend_thrown(w, c, h)
 
 
 @outlined
@@ -89,7 +89,7 @@ def find_thrown(w: Any, collider: Any, c: Any, before: Any, t: Any, h: Any, firs
                 n = whole(axes, g)
                 along = by[0] * n[0] + by[1] * n[1] + by[2] * n[2]
                 thrown = (g <= far) & (leaves(collider, q, u, n) | (along > 0.5 * size_of(by)))
-                part, middle = bend_of(w, i, h)
+                part, middle = bend_of(w, i, float(p.r), h)
                 looks = looks + 1 if (g <= far) & (not thrown) & (part > 0) else 2
                 x = tuple(type_of(p.x, w.at[axis, i] + middle[axis]) for axis in range(3))
                 far = type_of(far, CLOSE) * p.r
@@ -118,8 +118,8 @@ def unexplained(w: Any, i: Any) -> Any:
 
 
 @shared
-def bend_thrown(w: Any, h: Any) -> None:
+def bend_thrown(w: Any, c: Any, h: Any) -> None:
     """Bend the ways of all that have been thrown back."""
     for i in range(w.queue.size):
         if w.what[THROWN, i] > 0:
-            bend_way(w, i, h)
+            bend_way(w, i, float(c.r[i]), h)

@@ -41,7 +41,7 @@ STRAIGHT = 2.0
 SPINS = 9
 """Row of the state at the beginning of a step at which angular velocities begin."""
 ASTRAY = 1e-3
-"""How far both legs may miss each other, as a part of how much the velocity has changed times the step."""
+"""How far both legs may miss each other, as a part of how much the velocity has changed times the step, and of the radius."""
 
 
 class Ways(NamedTuple):
@@ -166,8 +166,8 @@ def begin_way(f: Any, c: Any, before: Any, i: Any, t: Any, h: Any) -> None:
                 w.spun[axis, i] = float(turns[i] if part <= 0 else before[SPINS + axis, i])
 
 
-def bend_of(w: Any, i: Any, h: Any) -> Any:
-    """The part of its time after which the way of a particle bends if it has been thrown back in a step of h, less than 0 if
+def bend_of(w: Any, i: Any, r: Any, h: Any) -> Any:
+    """The part of its time after which the way of a particle with a radius r bends if it has been thrown back in a step of h, less than 0 if
     its legs do not meet; and where it bends, from where it begins [m]. In `image` is what forces change its velocity by in a
     step: so the first leg leads where it would have come, and the second one comes from where it would have begun."""
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
@@ -180,15 +180,15 @@ def bend_of(w: Any, i: Any, h: Any) -> Any:
     size = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     part = -(e[0] * d[0] + e[1] * d[1] + e[2] * d[2]) / size if size > 0 else -1.0
     miss = tuple(e[axis] + part * d[axis] for axis in range(3))
-    astray = miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2] > ASTRAY * ASTRAY * size
+    astray = miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2] > ASTRAY * ASTRAY * min(size, r * r)
     middle = tuple(part * long * u[axis] - 0.5 * miss[axis] for axis in range(3))
     return (-1.0 if astray | (part <= 0) | (part >= 1) else part), middle
 
 
-def bend_way(w: Any, i: Any, h: Any) -> None:
-    """Bend the way of a particle that has been thrown back in a step of h, unless its legs do not meet. What forces change
+def bend_way(w: Any, i: Any, r: Any, h: Any) -> None:
+    """Bend the way of a particle with a radius r that has been thrown back in a step of h, unless its legs do not meet. What forces change
     its velocity by is then what is in `image`; where colliders have changed it by no more than twice that, it lies."""
-    part, middle = bend_of(w, i, h)
+    part, middle = bend_of(w, i, r, h)
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     if part > 0:
         for axis in range(3):
