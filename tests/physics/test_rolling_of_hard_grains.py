@@ -123,7 +123,9 @@ def test_a_grain_that_rolls_on_a_level_floor_stops_after_its_way() -> None:
     assert R * np.abs(final["angular_velocity"]).max() < EPS
 
 
-def test_two_that_turn_against_each_other_are_slowed_as_far_as_their_blow_allows() -> None:
+@pytest.mark.parametrize("dt", [1e-4, 0.1])
+def test_two_that_turn_against_each_other_are_slowed_as_far_as_their_blow_allows(dt: float) -> None:
+    # Also in the midst of a step in which one comes 4 radii.
     # Spins of r₁ ω₁ = −r₂ ω₂ across the normal do not slide, also after opposite impulses on spheres of m₁ r₁ = m₂ r₂:
     # friction has no part. The angular impulse is μ_r R J with J = (1 + e) μ Δv and R = r₁ r₂/(r₁ + r₂), or ends ω₁ − ω₂.
     r1, r2, m1, m2, e, speed = 0.05, 0.08, 0.16, 0.1, 0.4, 2.0
@@ -140,11 +142,34 @@ def test_two_that_turn_against_each_other_are_slowed_as_far_as_their_blow_allows
             angular_velocity=spins.tolist(),
         )
         law = {"type": "contact", "restitution": e, "friction": 0.5, "rolling_friction": mu}
-        final = simulate(0.02, 1e-4, particles=[grains], interactions=[law]).final["angular_velocity"]
+        duration = max(0.02, dt)
+        final = simulate(duration, dt, particles=[grains], interactions=[law]).final["angular_velocity"]
         turn = min(mu * radius * push, abs(spins[0, 1] - spins[1, 1]) / (1 / i1 + 1 / i2))
         expected = spins - turn * np.array([[0, 1 / i1, 0], [0, -1 / i2, 0]])
         assert final == pytest.approx(expected, rel=1e-12, abs=1e-12 * w)
         assert i1 * final[0] + i2 * final[1] == pytest.approx(i1 * spins[0] + i2 * spins[1], rel=1e-13)
+
+
+def test_a_swift_grain_rolls_off_the_floor_within_a_step() -> None:
+    """Head-on a bullet of 60 radii a step gives its velocity u to a grain beside the floor, which rebounds from that with
+    J = (1 + e) u_y: u_x' = 5/7 (u_x − μ_r J), where friction holds and rolling friction is all that is allowed; it rolls."""
+    e, mu, n, speed, dt = 0.6, 0.1, np.array([-0.6, 0.8, 0.0]), 300.0, 0.01
+    target = np.array([0.0, 2 * R, 0.0])
+    grains = points(
+        tuple(target + 20 * R * n),
+        tuple(target),
+        velocity=[(-speed * n).tolist(), (0, 0, 0)],
+        mass=M,
+        radius=R,
+    )
+    grains["angular_velocity"] = [0.0, 0.0, 0.0]
+    law = {"type": "contact", "restitution": 1.0, "friction": 1e-12, "rolling_friction": mu}
+    floor = {"restitution": e, "friction": 5.0}
+    final = simulate(dt, dt, particles=[grains], interactions=[law], planes=[floor]).final
+    x, y = 0.6 * speed, 0.8 * speed
+    after = 5 / 7 * (x - mu * (1 + e) * y)
+    assert final.velocity[1] == pytest.approx([after, e * y, 0.0], rel=1e-9, abs=1e-9 * speed)
+    assert final["angular_velocity"][1] * R == pytest.approx([0.0, 0.0, -after], rel=1e-9, abs=1e-9 * speed)
 
 
 def test_a_pinned_grain_that_turns_takes_along_what_hits_it() -> None:

@@ -56,22 +56,35 @@ def note_kicks(w: Any, forces: Any, c: Any, t: Any, h: Any, first: Any, last: An
 
 @outlined
 def find_method(w: Any, c: Any, before: Any, h: Any) -> None:
-    """Find those that move as no method does, and how most others do."""
-    early = late = some = 0
+    """Find those that move as no method does, and how most others do: of those that only forces on them move, if there are
+    any, as what lies on something may look like any method."""
+    free = (0, 0, 0)
+    others = (0, 0, 0)
     for i in range(w.light.size):
         lasts = w.when[ENDS, i] - w.when[BEGUN, i]
         if (lasts > 0) & (w.light[i] > 0):
             way = way_of(c, before, i, lasts * float(h))
             w.what[THROWN, i] = SOMETHING if way < 0 else 0
             if (w.force[0, i] != 0) | (w.force[1, i] != 0) | (w.force[2, i] != 0):
-                early += 1 if way == 0 else 0
-                late += 1 if way == 1 else 0
-                some += 1 if way > 0 and way < 1 else 0
+                if size_of(unexplained(w, i)) == 0:
+                    free = with_one(free, way)
+                else:
+                    others = with_one(others, way)
+    early, some, late = free if free[0] + free[1] + free[2] > 0 else others
     w.late[0] = 0.0
     if (late > early) & (late > some):
         w.late[0] = 0.5
     if (early > late) & (early > some):
         w.late[0] = -0.5
+
+
+def with_one(numbers: Any, way: Any) -> Any:
+    """How many have been moved by nothing, a half, and all of what forces do, with one more that has been moved by a way."""
+    return (
+        numbers[0] + (1 if way == 0 else 0),
+        numbers[1] + (1 if (way > 0) & (way < 1) else 0),
+        numbers[2] + (1 if way == 1 else 0),
+    )
 
 
 @outlined

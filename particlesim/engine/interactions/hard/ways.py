@@ -52,7 +52,7 @@ class Ways(NamedTuple):
     moves [n] [1/kg]; what to add to its place in a periodic box for an image inside [3, n] [m].
 
     The queue of impacts [n], and how many there are, and more [2]; by how much velocities are late, w − ½ [1]. Of one
-    impact: room for its friction, as in `Bench` [4]. Members in an order in which neighbours in space are neighbours [room],
+    impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in space are neighbours [room],
     −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and the cell of each [n]. Boxes
     about the ways of groups in that order and of nodes above them [6, nodes], and where their levels begin.
     """
@@ -109,7 +109,7 @@ def new_ways(particles: int) -> Ways:
         np.zeros(particles, np.int64),
         np.zeros(2, np.int64),
         np.zeros(1),
-        np.zeros((4, 1)),
+        np.zeros((4, 2)),
         np.zeros(GROUP * groups, np.int64),
         np.zeros(particles, np.int64),
         np.zeros(8**bits + 1, np.int64),
@@ -211,7 +211,8 @@ def begin_anew(w: Any, i: Any, h: Any) -> Any:
     """Have a particle that has been thrown back begin its way in a step of h anew, as if nothing were in it; returns what it
     began with (`begin_as_before`)."""
     begun = tuple(
-        (w.go[axis, i], w.speed[axis, i], w.spin[axis, i], w.force[axis, i], w.first[axis, i]) for axis in range(3)
+        (w.go[axis, i], w.speed[axis, i], w.spin[axis, i], w.force[axis, i], w.first[axis, i])
+        for axis in range(3)
     )
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     for axis in range(3):
