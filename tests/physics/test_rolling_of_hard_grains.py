@@ -348,3 +348,46 @@ def test_what_hardly_moves_in_single_precision_stays_finite() -> None:
             hold(held, out, np.float32(speed), np.float32(push))
             assert np.isfinite(out).all()
             assert np.isfinite(held).all()
+
+
+# ---- on rigid bodies
+
+
+def test_a_grain_that_rolls_on_a_rigid_body_is_slowed_and_rests_on_its_slope() -> None:
+    # On a block as heavy as a house, v' = 5/7 (g sin θ − μ_r g cos θ), and rest up to tan θ = μ_r.
+    law = {"type": "contact", "restitution": 0.0, "friction": 0.8, "rolling_friction": MU, "on": ["grain", "block"]}
+    block = {
+        "name": "block",
+        "shape": {"type": "box", "size": [10.0, 1.0, 10.0]},
+        "mass": 1e9,
+        "position": [0.0, -0.5, 0.0],
+        "friction": 0.8,
+    }
+    speed, h, t = 1.0, 1e-3, 0.3
+    grains = points((0, R, 0), (0, R, 1), mass=M, radius=R, name="grain", velocity=[(speed, 0, 0), (0, 0, 0)])
+    grains["angular_velocity"] = [[0.0, 0.0, -speed / R], [0.0, 0.0, 0.0]]
+    for slope, moves in ((0.95 * MU, False), (1.2 * MU, True)):
+        a = math.atan(slope)
+        pull = {"type": "gravity", "acceleration": [G * math.sin(a), -G * math.cos(a), 0], "on": ["grain"]}
+        found = simulate(t, h, particles=[grains], bodies=[block], interactions=[law], forces=[pull]).final
+        v, change = found.velocity[:2, 0], 5 / 7 * G * (math.sin(a) - MU * math.cos(a)) * t
+        assert v[0] == pytest.approx(speed + change, abs=2 * G * h)
+        assert v[1] == pytest.approx(change if moves else 0.0, abs=2 * G * h if moves else 1e-9)
+        assert R * found["angular_velocity"][1, 2] == pytest.approx(-v[1], abs=1e-9)
+
+
+def test_a_blow_on_a_round_body_has_the_rolling_friction_of_two_spheres() -> None:
+    # As between two grains: an angular impulse of μ_r r₁ r₂/(r₁ + r₂) J, where both surfaces turn alike.
+    r1, r2, m1, m2, speed, w, mu = 0.05, 0.08, 0.16, 0.1, 2.0, 300.0, 0.2
+    push = m1 * m2 / (m1 + m2) * speed
+    spins = np.array([[0.0, w, 0], [0.0, -w * r1 / r2, 0]])
+    grain = points((0, 0, 0), velocity=[(speed, 0, 0)], radius=r1, mass=m1, name="grain")
+    grain["angular_velocity"] = [spins[0].tolist()]
+    ball = {"name": "ball", "shape": {"type": "sphere", "radius": r2}, "mass": m2, "position": [0.14, 0, 0]}
+    ball["angular_velocity"] = spins[1].tolist()
+    law = {"type": "contact", "restitution": 0.0, "friction": 0.5, "rolling_friction": mu, "on": ["grain", "ball"]}
+    final = simulate(0.01, 1e-4, particles=[grain], bodies=[ball], interactions=[law]).final
+    turn = mu * r1 * r2 / (r1 + r2) * push
+    after = [spins[0, 1] - turn / (0.4 * m1 * r1**2), spins[1, 1] + turn / (0.4 * m2 * r2**2)]
+    # what hits it before the end of a step turns by that time, and slides
+    assert final["angular_velocity"][:, 1] == pytest.approx(after, rel=1e-4)

@@ -103,8 +103,8 @@ def strike(each: Any, c: Any, i: Any, j: Any, s: Any, h: Any) -> None:
     if both > 0:
         push(w, i, wi / both, (x, y, z), s, h)
         push(w, j, -wj / both, (x, y, z), s, h)
-        tire(w, each.fed, i, s)
-        tire(w, each.fed, j, s)
+        tire(w, each.fed, i, s, h)
+        tire(w, each.fed, j, s, h)
         book(each.fed, keep_off(w, i, j, n, s, h))
 
 
@@ -118,12 +118,18 @@ def push(w: Any, i: Any, part: Any, change: Any, s: Any, h: Any) -> None:
             let_go(w, i, s, h)
 
 
-def tire(w: Any, fed: Any, i: Any, s: Any) -> None:
+def tire(w: Any, fed: Any, i: Any, s: Any, h: Any) -> None:
     """Count an impact of a particle, which stays where it is if it has had too many."""
     w.what[IMPACTS, i] += 1
     if (w.what[IMPACTS, i] == MOST_IMPACTS) & (w.light[i] > 0):
-        stay(w, i, s)
+        rest(w, fed, i, s, h)
         fed[1] += 1.0
+
+
+def rest(w: Any, fed: Any, i: Any, s: Any, h: Any) -> None:
+    """Have a particle that something may move stay where it is."""
+    if w.light[i] > 0:
+        book(fed, stay(w, i, s, h) / w.light[i])
 
 
 def keep_off(w: Any, i: Any, j: Any, n: Any, s: Any, h: Any) -> Any:
@@ -288,8 +294,8 @@ def bounce_off(w: Any, fed: Any, collider: Any, rolling: Any, c: Any, i: Any, t:
             add(w.go, i, into, n)
             carry(w, i, s, n)
     else:
-        tire(w, fed, i, s)
-        stay(w, i, s)
+        tire(w, fed, i, s, h)
+        rest(w, fed, i, s, h)
 
 
 def lift(w: Any, i: Any, n: Any, s: Any, into: Any) -> Any:

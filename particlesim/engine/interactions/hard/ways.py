@@ -319,9 +319,14 @@ def velocity_at(w: Any, i: Any, s: Any) -> Any:
     )
 
 
-def stay(w: Any, i: Any, s: Any) -> None:
-    """Have a particle stay where its way begins, at time s; as if time stood still, nothing acts on it either."""
+def stay(w: Any, i: Any, s: Any, h: Any) -> Any:
+    """Have a particle stay where its way begins, at time s of a step of h; as if time stood still, nothing acts on it either.
+    Returns the energy that it ends with and would not have had, over its mass: where others had turned its way [J/kg]."""
+    left, v, more = w.when[ENDS, i] - s, velocity_at(w, i, s), 0.0
     for axis in range(3):
+        force = w.force[axis, i]
+        more += (force - w.carried[axis, i]) * w.go[axis, i] / float(h) - force * (v[axis] + 0.5 * left * force)
         w.speed[axis, i] -= (w.when[ENDS, i] - s - w.late[0]) * w.force[axis, i]
         w.carried[axis, i] -= w.force[axis, i]
         w.go[axis, i] = w.force[axis, i] = 0.0
+    return max(left * more, 0.0)
