@@ -1,9 +1,9 @@
-"""Clouds of swift hard grains between colliders: none is in another one or in a wall at the end of a step, none gains energy.
+"""Clouds of swift hard grains between colliders: none ends a step in another one or in a wall, none gains energy.
 
     python tests/fuzz/fuzz_swift_grains.py [--clouds 100] [--first 0] [--only box] [--restitution 0] [--steps 6]
 
-Every cloud is drawn by its number alone: grains of mixed radii in a scene (a box of planes, the inside of a sphere, over a
-floor with a pillar, about a rigid body), speeds of 0.1 to 10⁴ m/s, restitution, friction, gravity. Prints the clouds that
+Every cloud is drawn by its number alone: grains of mixed radii in a scene (a box of planes, the inside of a sphere, a box
+with a pillar, a box about a rigid body), speeds of 0.1 to 10⁴ m/s, restitution, friction, gravity. Prints the clouds that
 break a rule, and at the end the worst of each rule by scene; exit code 1 if one is broken.
 """
 
@@ -33,8 +33,8 @@ DEEP = 0.51
 the sum of their radii relative to each other is left to the end of the step."""
 
 
-GAIN = 3e-8
-"""What a step may add to the energy, as a part of it: what lies on walls may have some rounding of slow contacts."""
+GAIN = 1e-5
+"""What a step may add to the energy, as a part of it: what slow contacts book is not exact."""
 
 
 class Cloud(NamedTuple):

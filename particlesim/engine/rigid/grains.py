@@ -43,8 +43,8 @@ GRAINS = 1 << 48
 
 class Guests(NamedTuple):
     """Particles among bodies for a step: number of the first; their kinds, radii and ids [n]; by kind and group of bodies
-    whether they touch, restitution, static and kinetic friction, the speed above which restitution falls and how fast, rolling
-    friction, and 1 where all sides of the bodies are flat [kinds, groups].
+    whether they touch, restitution, static and kinetic friction, the speed above which restitution falls and how fast,
+    rolling friction, and 1 where all sides of the bodies are flat [kinds, groups].
 
     Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
     [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n]; the force of what acts on

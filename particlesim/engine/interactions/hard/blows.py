@@ -153,8 +153,8 @@ def keep_off(w: Any, i: Any, j: Any, n: Any, s: Any, h: Any) -> Any:
 
 
 def rub(each: Any, c: Any, i: Any, j: Any, n: Any, u: Any, far: Any, change: Any) -> Any:
-    """Friction, and rolling friction, of an impact that changes the velocity along the normal by `change`: they turn both; by
-    what it changes the velocity u of the first relative to the second [m/s]. One makes the surfaces slide, or roll, that the
+    """Friction, and rolling friction, of an impact that changes the velocity along the normal by `change`: they turn both;
+    by what it changes the velocity u of the first relative to the second [m/s]. One makes surfaces slide, or roll, which the
     other one stops, so they come by turns."""
     w, along, t = each.ways, dot(u, n), (0.0, 0.0, 0.0)
     slide = (u[0] - along * n[0], u[1] - along * n[1], u[2] - along * n[2])
@@ -171,8 +171,8 @@ def rub(each: Any, c: Any, i: Any, j: Any, n: Any, u: Any, far: Any, change: Any
 
 
 def end_sliding(each: Any, c: Any, i: Any, j: Any, n: Any, slip: Any, far: Any, change: Any) -> Any:
-    """Bring the friction of an impact up to what ends the sliding of two whose velocities differ by `slip` across the normal,
-    or to what is allowed; by what it changes that [m/s]."""
+    """Bring the friction of an impact up to what ends the sliding of two whose velocities differ by `slip` across the
+    normal, or to what is allowed; by what it changes that [m/s]."""
     w, friction, share = each.ways, each.law.friction, 1.0
     ri, rj, both = float(c.r[i]), float(c.r[j]), w.light[i] + w.light[j]
     arm = far / (ri + rj)

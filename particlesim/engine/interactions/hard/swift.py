@@ -4,7 +4,8 @@ Contacts look at overlaps at the end of a step. Two that move relative to each o
 radii in a step may have passed each other then. So all whose way relative to the mean of all is more than a half of that are
 followed along their ways (`ways`) from impact to impact (`swept`, `blows`), in the order of time, and of rows at one time.
 After an impact both go on with the velocities that they have then, and are followed, whoever they are, also to colliders.
-What nobody hits keeps its bits, and where nobody is swift nothing is done but to look at that.
+What colliders have thrown back more than once is followed from the beginning (`follow_anew`). What else nobody hits keeps
+its bits, and where nobody is swift nothing is done but to look at that.
 
 Ways are cut into laps, each as long as some spaces between particles, so that a particle is compared with what is near to it
 at about that time. Laps and boxes only say whom to compare: impacts do not depend on them, nor on the order of neighbours.

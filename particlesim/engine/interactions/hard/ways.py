@@ -41,20 +41,22 @@ STRAIGHT = 2.0
 SPINS = 9
 """Row of the state at the beginning of a step at which angular velocities begin."""
 ASTRAY = 1e-3
-"""How far both legs may miss each other, as a part of how much the velocity has changed times the step, and of the radius."""
+"""How far both legs may miss each other, as a part of the radius, and of the change of velocity times the step."""
 
 
 class Ways(NamedTuple):
     """Of every particle, in double precision: where its way begins, how far it leads in a whole step, both again after its
     bend, [3, n] each [m]; its velocity at the end of the step, that without what has thrown it back, by how much forces
-    change it in a whole step, and how much of that a collider carries on which it lies [3, n] [m/s]; its angular velocity at the end and at the beginning [3, n] [rad/s]; times
-    [5, n], numbers [10, n]; the displacement of the image that it meets next [3, n] [m]; its inverse mass, 0 of what nothing
-    moves [n] [1/kg]; what to add to its place in a periodic box for an image inside [3, n] [m].
+    change it in a whole step, and how much of that a collider carries on which it lies [3, n] [m/s]; its angular velocity at
+    the end and at the beginning [3, n] [rad/s]; times [5, n], numbers [10, n]; the displacement of the image that it meets
+    next [3, n] [m]; its inverse mass, 0 of what nothing moves [n] [1/kg]; what to add to its place in a periodic box for an
+    image inside [3, n] [m].
 
     The queue of impacts [n], and how many there are, and more [2]; by how much velocities are late, w − ½ [1]. Of one
-    impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in space are neighbours [room],
-    −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and the cell of each [n]. Boxes
-    about the ways of groups in that order and of nodes above them [6, nodes], and where their levels begin.
+    impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in
+    space are neighbours [room], −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and
+    the cell of each [n]. Boxes about the ways of groups in that order and of nodes above them [6, nodes], and where their
+    levels begin.
     """
 
     at: Any
@@ -167,9 +169,10 @@ def begin_way(f: Any, c: Any, before: Any, i: Any, t: Any, h: Any) -> None:
 
 
 def bend_of(w: Any, i: Any, r: Any, h: Any) -> Any:
-    """The part of its time after which the way of a particle with a radius r bends if it has been thrown back in a step of h, less than 0 if
-    its legs do not meet; and where it bends, from where it begins [m]. In `image` is what forces change its velocity by in a
-    step: so the first leg leads where it would have come, and the second one comes from where it would have begun."""
+    """The part of its time after which the way of a particle with a radius r bends if it has been thrown back in a step of
+    h, less than 0 if its legs do not meet; and where it bends, from where it begins [m]. In `image` is what forces change
+    its velocity by in a step: so the first leg leads where it would have come, and the second one comes from where it would
+    have begun."""
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     long, one, other = lasts * float(h), lasts * (0.5 + w.late[0]), lasts * (0.5 - w.late[0])
     u = tuple(w.first[axis, i] + one * w.image[axis, i] for axis in range(3))
@@ -186,8 +189,9 @@ def bend_of(w: Any, i: Any, r: Any, h: Any) -> Any:
 
 
 def bend_way(w: Any, i: Any, r: Any, h: Any) -> None:
-    """Bend the way of a particle with a radius r that has been thrown back in a step of h, unless its legs do not meet. What forces change
-    its velocity by is then what is in `image`; where colliders have changed it by no more than twice that, it lies."""
+    """Bend the way of a particle with a radius r that has been thrown back in a step of h, unless its legs do not meet. What
+    forces change its velocity by is then in `image`; where colliders have changed it by no more than twice that,
+    it lies."""
     part, middle = bend_of(w, i, r, h)
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     if part > 0:
@@ -320,12 +324,14 @@ def velocity_at(w: Any, i: Any, s: Any) -> Any:
 
 
 def stay(w: Any, i: Any, s: Any, h: Any) -> Any:
-    """Have a particle stay where its way begins, at time s of a step of h; as if time stood still, nothing acts on it either.
+    """Have a particle stay where its way begins, at time s of a step of h; as if time stood still, nothing acts on it, too.
     Returns the energy that it ends with and would not have had, over its mass: where others had turned its way [J/kg]."""
     left, v, more = w.when[ENDS, i] - s, velocity_at(w, i, s), 0.0
     for axis in range(3):
         force = w.force[axis, i]
-        more += (force - w.carried[axis, i]) * w.go[axis, i] / float(h) - force * (v[axis] + 0.5 * left * force)
+        more += (force - w.carried[axis, i]) * w.go[axis, i] / float(h) - force * (
+            v[axis] + 0.5 * left * force
+        )
         w.speed[axis, i] -= (w.when[ENDS, i] - s - w.late[0]) * w.force[axis, i]
         w.carried[axis, i] -= w.force[axis, i]
         w.go[axis, i] = w.force[axis, i] = 0.0
