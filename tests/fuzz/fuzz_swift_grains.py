@@ -3,8 +3,8 @@
     python tests/fuzz/fuzz_swift_grains.py [--clouds 100] [--first 0] [--only box] [--restitution 0] [--steps 6]
 
 Every cloud is drawn by its number alone: grains of mixed radii in a scene (a box of planes, the inside of a sphere, a box
-with a pillar, a box about a rigid body), speeds of 0.1 to 10⁴ m/s, restitution, friction, gravity. Prints the clouds that
-break a rule, and at the end the worst of each rule by scene; exit code 1 if one is broken.
+with a pillar, a box about a rigid body, in which nobody looks for grains), speeds of 0.1 to 10⁴ m/s, restitution, friction,
+gravity. Prints the clouds that break a rule, and at the end the worst of each rule by scene; exit code 1 if one is broken.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def walls_of(scene: str) -> list[dict[str, Any]]:
         for s in (-0.5, 0.5)
     ]
     if scene == "floor":
-        found.append({"type": "cylinder", "from": [0, -0.6, 0], "to": [0, 0.1, 0], "radius": 0.1})
+        found.append({"type": "cylinder", "start": [0, -0.6, 0], "end": [0, 0.1, 0], "radius": 0.1})
     return found
 
 
