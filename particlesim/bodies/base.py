@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import PrivateAttr
 
 from particlesim.bodies.mass import Solidity, enclosed_by, principal
-from particlesim.bodies.pieces import BOX, Piece
+from particlesim.bodies.pieces import BOX, HULL, Piece
 from particlesim.colliders.triangulation import Triangles
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats
@@ -93,6 +93,10 @@ class BodyShape(Model):
         """The convex pieces that touch, about the centre of mass and along the principal axes."""
         frame = self.frame()
         return tuple(piece.seen_from(frame.center, frame.axes) for piece in self.pieces())
+
+    def all_flat(self) -> bool:
+        """Whether all of its sides are flat."""
+        return all(piece.kind in (BOX, HULL) for piece in self.pieces())
 
     def reach(self) -> float:
         """Radius of a ball about its centre of mass that holds all of it [m]."""

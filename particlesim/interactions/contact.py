@@ -85,7 +85,8 @@ class Contact(Rubbing, PairInteraction):
     """Coefficient of Coulomb friction μ, or a table with one at rest and one in motion."""
     rolling_friction: Annotated[Number, Ge(0)] = 0.0
     """Coefficient of rolling friction μ_r of grains that turn: rolling is held back by a moment of up to μ_r R N, with R the
-    reduced radius r₁ r₂/(r₁ + r₂), or r at a collider with friction. Grains that are not round have some 0.1 to 0.5."""
+    reduced radius r₁ r₂/(r₁ + r₂), or r at a collider with friction and at flat rigid bodies that the contact names. Grains
+    that are not round have some 0.1 to 0.5."""
     cohesion: Annotated[NewtonsPerMetre, Ge(0)] = 0.0
     """Work of adhesion w of soft contacts, per area [J/m²]."""
     adhesion: Literal["dmt", "jkr"] = "dmt"

@@ -349,7 +349,7 @@ def _stopped(world: World) -> tuple[str, ...]:
 def _stopped_grains(world: World) -> tuple[str, ...]:
     if (number := world.stopped_grains()) == 0:
         return ()
-    from particlesim.engine.interactions.hard.blows import MOST_IMPACTS  # with all that grains need
+    from particlesim.engine.interactions.hard.ways import MOST_IMPACTS  # with all that grains need
 
     return (
         f"{'once' if number == 1 else f'{number:,} times'} a hard grain had {MOST_IMPACTS} impacts in a step, and stayed "

@@ -46,7 +46,8 @@ def unfelt(force: Force, group: Group) -> str | None:
 
 class Meeting(NamedTuple):
     """Contact of the particles of a group with the bodies of another: their names, the name of the interaction, restitution
-    of slow impacts, static and kinetic friction, and how restitution falls with the speed of impacts, or None."""
+    of slow impacts, static and kinetic friction, how restitution falls with the speed of impacts, or None, and rolling
+    friction."""
 
     particles: str
     bodies: str
@@ -54,6 +55,7 @@ class Meeting(NamedTuple):
     restitution: float
     friction: tuple[float, float]
     falling: FallingRecord | None
+    rolling: float
 
 
 def interacting(interaction: PairInteraction, groups: Iterable[Group]) -> tuple[Group, ...]:
@@ -76,7 +78,7 @@ def touched_bodies(scenario: Tables, interaction: PairInteraction) -> tuple[Bodi
 def meetings_of(scenario: Tables) -> tuple[Meeting, ...]:
     """Which particles touch which bodies."""
     return tuple(
-        Meeting(group.name, body.name, label, each.liveliness, each.coefficients, each.falling)
+        Meeting(group.name, body.name, label, each.liveliness, each.coefficients, each.falling, each.rolls)
         for label, each in zip(scenario.labels.interactions, scenario.interactions, strict=True)
         if isinstance(each, Contact) and each.by_impulses
         for group in interacting(each, scenario.groups)

@@ -123,7 +123,9 @@ def test_a_grain_that_rolls_on_a_level_floor_stops_after_its_way() -> None:
     assert R * np.abs(final["angular_velocity"]).max() < EPS
 
 
-def test_two_that_turn_against_each_other_are_slowed_as_far_as_their_blow_allows() -> None:
+@pytest.mark.parametrize("dt", [1e-4, 0.1])
+def test_two_that_turn_against_each_other_are_slowed_as_far_as_their_blow_allows(dt: float) -> None:
+    # Also in the midst of a step in which one comes 4 radii.
     # Spins of r₁ ω₁ = −r₂ ω₂ across the normal do not slide, also after opposite impulses on spheres of m₁ r₁ = m₂ r₂:
     # friction has no part. The angular impulse is μ_r R J with J = (1 + e) μ Δv and R = r₁ r₂/(r₁ + r₂), or ends ω₁ − ω₂.
     r1, r2, m1, m2, e, speed = 0.05, 0.08, 0.16, 0.1, 0.4, 2.0
@@ -140,11 +142,34 @@ def test_two_that_turn_against_each_other_are_slowed_as_far_as_their_blow_allows
             angular_velocity=spins.tolist(),
         )
         law = {"type": "contact", "restitution": e, "friction": 0.5, "rolling_friction": mu}
-        final = simulate(0.02, 1e-4, particles=[grains], interactions=[law]).final["angular_velocity"]
+        duration = max(0.02, dt)
+        final = simulate(duration, dt, particles=[grains], interactions=[law]).final["angular_velocity"]
         turn = min(mu * radius * push, abs(spins[0, 1] - spins[1, 1]) / (1 / i1 + 1 / i2))
         expected = spins - turn * np.array([[0, 1 / i1, 0], [0, -1 / i2, 0]])
         assert final == pytest.approx(expected, rel=1e-12, abs=1e-12 * w)
         assert i1 * final[0] + i2 * final[1] == pytest.approx(i1 * spins[0] + i2 * spins[1], rel=1e-13)
+
+
+def test_a_swift_grain_rolls_off_the_floor_within_a_step() -> None:
+    """Head-on a bullet of 60 radii a step gives its velocity u to a grain beside the floor, which rebounds from that with
+    J = (1 + e) u_y: u_x' = 5/7 (u_x − μ_r J), where friction holds and rolling friction is all that is allowed; it rolls."""
+    e, mu, n, speed, dt = 0.6, 0.1, np.array([-0.6, 0.8, 0.0]), 300.0, 0.01
+    target = np.array([0.0, 2 * R, 0.0])
+    grains = points(
+        tuple(target + 20 * R * n),
+        tuple(target),
+        velocity=[(-speed * n).tolist(), (0, 0, 0)],
+        mass=M,
+        radius=R,
+    )
+    grains["angular_velocity"] = [0.0, 0.0, 0.0]
+    law = {"type": "contact", "restitution": 1.0, "friction": 1e-12, "rolling_friction": mu}
+    floor = {"restitution": e, "friction": 5.0}
+    final = simulate(dt, dt, particles=[grains], interactions=[law], planes=[floor]).final
+    x, y = 0.6 * speed, 0.8 * speed
+    after = 5 / 7 * (x - mu * (1 + e) * y)
+    assert final.velocity[1] == pytest.approx([after, e * y, 0.0], rel=1e-9, abs=1e-9 * speed)
+    assert final["angular_velocity"][1] * R == pytest.approx([0.0, 0.0, -after], rel=1e-9, abs=1e-9 * speed)
 
 
 def test_a_pinned_grain_that_turns_takes_along_what_hits_it() -> None:
@@ -263,7 +288,9 @@ def test_rolling_friction_is_refused_where_nothing_rolls() -> None:
     assert "needs friction" in refused(points((0, 0, 0), mass=M, radius=R), law={"friction": 0})
     die = {"name": "die", "shape": {"type": "box", "size": [1, 1, 1]}, "density": 100, "position": [0, 3, 0]}
     grain = points((0, 0, 0), name="grain", mass=M, radius=R)
-    assert "have no rolling friction there" in refused(grain, bodies=[die], law={"between": ["grain", "die"]})
+    assert "do not turn, and have no rolling friction" in refused(
+        grain, bodies=[die], law={"between": ["grain", "die"]}
+    )
 
 
 @settings(max_examples=200, deadline=None, derandomize=True)
@@ -323,3 +350,58 @@ def test_what_hardly_moves_in_single_precision_stays_finite() -> None:
             hold(held, out, np.float32(speed), np.float32(push))
             assert np.isfinite(out).all()
             assert np.isfinite(held).all()
+
+
+# ---- on rigid bodies
+
+
+def test_a_grain_that_rolls_on_a_rigid_body_is_slowed_and_rests_on_its_slope() -> None:
+    # On a block as heavy as a house, v' = 5/7 (g sin θ − μ_r g cos θ), and rest up to tan θ = μ_r.
+    law = {
+        "type": "contact",
+        "restitution": 0.0,
+        "friction": 0.8,
+        "rolling_friction": MU,
+        "on": ["grain", "block"],
+    }
+    block = {
+        "name": "block",
+        "shape": {"type": "box", "size": [10.0, 1.0, 10.0]},
+        "mass": 1e9,
+        "position": [0.0, -0.5, 0.0],
+        "friction": 0.8,
+    }
+    speed, h, t = 1.0, 1e-3, 0.3
+    grains = points((0, R, 0), (0, R, 1), mass=M, radius=R, name="grain", velocity=[(speed, 0, 0), (0, 0, 0)])
+    grains["angular_velocity"] = [[0.0, 0.0, -speed / R], [0.0, 0.0, 0.0]]
+    for slope, moves in ((0.95 * MU, False), (1.2 * MU, True)):
+        a = math.atan(slope)
+        pull = {"type": "gravity", "acceleration": [G * math.sin(a), -G * math.cos(a), 0], "on": ["grain"]}
+        found = simulate(t, h, particles=[grains], bodies=[block], interactions=[law], forces=[pull]).final
+        v, change = found.velocity[:2, 0], 5 / 7 * G * (math.sin(a) - MU * math.cos(a)) * t
+        assert v[0] == pytest.approx(speed + change, abs=2 * G * h)
+        assert v[1] == pytest.approx(change if moves else 0.0, abs=2 * G * h if moves else 1e-9)
+        assert R * found["angular_velocity"][1, 2] == pytest.approx(-v[1], abs=1e-9)
+
+
+def test_a_blow_on_a_round_body_has_the_rolling_friction_of_two_spheres() -> None:
+    # As between two grains: an angular impulse of μ_r r₁ r₂/(r₁ + r₂) J, where both surfaces turn alike.
+    r1, r2, m1, m2, speed, w, mu = 0.05, 0.08, 0.16, 0.1, 2.0, 300.0, 0.2
+    push = m1 * m2 / (m1 + m2) * speed
+    spins = np.array([[0.0, w, 0], [0.0, -w * r1 / r2, 0]])
+    grain = points((0, 0, 0), velocity=[(speed, 0, 0)], radius=r1, mass=m1, name="grain")
+    grain["angular_velocity"] = [spins[0].tolist()]
+    ball = {"name": "ball", "shape": {"type": "sphere", "radius": r2}, "mass": m2, "position": [0.14, 0, 0]}
+    ball["angular_velocity"] = spins[1].tolist()
+    law = {
+        "type": "contact",
+        "restitution": 0.0,
+        "friction": 0.5,
+        "rolling_friction": mu,
+        "on": ["grain", "ball"],
+    }
+    final = simulate(0.01, 1e-4, particles=[grain], bodies=[ball], interactions=[law]).final
+    turn = mu * r1 * r2 / (r1 + r2) * push
+    after = [spins[0, 1] - turn / (0.4 * m1 * r1**2), spins[1, 1] + turn / (0.4 * m2 * r2**2)]
+    # what hits it before the end of a step turns by that time, and slides
+    assert final["angular_velocity"][:, 1] == pytest.approx(after, rel=1e-4)

@@ -85,9 +85,9 @@ class Interaction:
         written what others read, it ends with one, as `add_forces` only reads.
         """
 
-    def hasten(self, sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+    def hasten(self, sets: Any, alone: bool, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         """Look at what has happened within a step that is a good one, before any of the sets that do so concludes it; one
-        thread calls it, once for all of them."""
+        thread calls it, once for all of them. `alone`: whether there are no other sets."""
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         """Bring up to date what it remembers, or give impulses, at the end t of a step of length h that is a good one.
@@ -360,7 +360,7 @@ def conclude_elements(sets: Any, parts: Any, c: Any, before: Any, share: Any, t:
     swift = that_hasten(sets)
     if len(swift) > 0:
         if share.number == 0:
-            type(swift[0]).hasten(swift[0], swift, parts, c, before, t, h)
+            type(swift[0]).hasten(swift[0], swift, len(swift) == len(sets), parts, c, before, t, h)
         meet(share.gate, share.threads)
     for each in sets:
         if type(each).concludes:

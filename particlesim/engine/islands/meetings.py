@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 class Surfaces(NamedTuple):
     """The contact of a group of particles, by group of bodies [groups]: whether they touch, restitution, static and kinetic
-    friction; the speed of impacts above which restitution falls [m/s], and how fast."""
+    friction; the speed of impacts above which restitution falls [m/s], and how fast; rolling friction, and 1 where all
+    sides are flat."""
 
     touch: Floats
     restitution: Floats
@@ -34,6 +35,8 @@ class Surfaces(NamedTuple):
     kinetic: Floats
     speed: Floats
     exponent: Floats
+    rolling: Floats
+    flat: Floats
 
 
 class Meetings:
@@ -50,18 +53,20 @@ class Meetings:
         self._surfaces: dict[str, Surfaces] = {}
         self._states: list[GroupState] = []
         names = [state.name for state in self._bodies.states] if self._bodies is not None else []
+        flat = {body.name: float(body.shape.all_flat()) for body in scenario.bodies}
         for each in meetings_of(scenario):
             if each.particles not in self._surfaces:
-                self._surfaces[each.particles] = Surfaces(*np.zeros((6, len(names))))
+                self._surfaces[each.particles] = Surfaces(*np.zeros((8, len(names))))
                 self._states.append(next(state for state in states if state.name == each.particles))
-            law = (1.0, each.restitution, *each.friction, *(each.falling or STEADY))
+            falls, rolls = each.falling or STEADY, (each.rolling, flat[each.bodies])
+            law = (1.0, each.restitution, *each.friction, *falls, *rolls)
             for column, value in zip(self._surfaces[each.particles], law, strict=True):
                 column[names.index(each.bodies)] = value
         ties = None if self._bodies is None else self._bodies.ties
         self._tied, self._held = ({}, {}) if ties is None else (ties.rows, ties.held)
         for name in self._tied:
             if name not in self._surfaces:
-                self._surfaces[name] = Surfaces(*np.zeros((6, len(names))))
+                self._surfaces[name] = Surfaces(*np.zeros((8, len(names))))
                 self._states.append(next(state for state in states if state.name == name))
         self._chosen: list[tuple[GroupState, Ints]] = []
         self._worked: list[float] = []

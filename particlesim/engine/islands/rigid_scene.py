@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
-from particlesim.bodies.pieces import BOX, HULL
 from particlesim.colliders import Collider
 from particlesim.colliders.response import STEADY
 from particlesim.engine.ledger.work import Books
@@ -180,5 +179,5 @@ def _falls(groups: Sequence[BodyGroup]) -> NDArray[np.float64] | None:
 def _rolling(groups: Sequence[BodyGroup]) -> Rolling | None:
     """Rolling friction of groups; None where all roll freely."""
     friction = np.array([group.rolling_friction for group in groups], float)
-    flat = [all(piece.kind in (BOX, HULL) for piece in group.shape.own_pieces()) for group in groups]
+    flat = [group.shape.all_flat() for group in groups]
     return Rolling(friction, np.array(flat, float)) if friction.any() else None

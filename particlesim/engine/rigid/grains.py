@@ -27,7 +27,9 @@ from particlesim.engine.rigid.bodies import add_contact, orientation, place, row
 from particlesim.engine.rigid.convex import nearest
 from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, entry, minus, plus
 from particlesim.engine.rigid.pieces import Solid, solid_of
+from particlesim.engine.rigid.rolling import ROLLING
 from particlesim.engine.rigid.rotation import cross, dot, matrix, rotated, to_body, to_world
+from particlesim.engine.rigid.stops import ROLL
 
 HOPS = 48
 """Steps of Newton's method at most."""
@@ -41,8 +43,8 @@ GRAINS = 1 << 48
 
 class Guests(NamedTuple):
     """Particles among bodies for a step: number of the first; their kinds, radii and ids [n]; by kind and group of bodies
-    whether they touch, restitution, static and kinetic friction, and the speed above which restitution falls and how fast
-    [kinds, groups].
+    whether they touch, restitution, static and kinetic friction, the speed above which restitution falls and how fast,
+    rolling friction, and 1 where all sides of the bodies are flat [kinds, groups].
 
     Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
     [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n]; the force of what acts on
@@ -63,6 +65,8 @@ class Guests(NamedTuple):
     kinetic: Any
     speed: Any
     exponent: Any
+    rolling: Any
+    flat: Any
     when: Any
     at: Any
     shift: Any
@@ -180,7 +184,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                     for number in range(p.first[group], p.first[group + 1]):
                         s = solid_of(p, number, x, r)
                         follow(p, s, k, i, guest, guests.id[m], at, u, radius, slop, h, found, best)
-                    meet(guests, k, begin, kind, group)
+                    meet(guests, b, k, begin, kind, group)
                     if best[0, 0] < had:
                         which = i
         guests.when[m] = 0.0
@@ -204,7 +208,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
             back = shift_back(guests, b, k, motion, which, guest, n) * best[0, 0]
             for axis in range(3):
                 guests.probe[axis, m] = -back * entry(n, axis)
-            meet(guests, k, begin, kind, group)
+            meet(guests, b, k, begin, kind, group)
         for axis in range(3):
             guests.at[axis, m] = b.x[axis, guest]
 
@@ -233,13 +237,29 @@ def on_impact(p: Any, b: Any, motion: Any, i: Any, guest: Any, number: Any, when
     return rotated(n, spin, when), beside
 
 
-def meet(guests: Any, k: Any, begin: Any, kind: Any, group: Any) -> None:
-    """The effect of the contacts of a guest."""
-    for number in range(begin, k.number[0]):
+def meet(guests: Any, b: Any, k: Any, begin: Any, kind: Any, group: Any) -> None:
+    """The effect of the contacts of a guest from one on, and their rolling friction."""
+    end, friction = k.number[0], guests.rolling[kind, group]
+    for number in range(begin, end):
         e, static = guests.restitution[kind, group], guests.static[kind, group]
         set_surface(k, number, e, static, guests.kinetic[kind, group])
         if k.falls is not None:
             set_fall(k, number, 0, e, guests.speed[kind, group], guests.exponent[kind, group])
+    if friction > 0:
+        for number in range(begin, end):
+            if b.inertia[0, k.second[number]] < np.inf:
+                roll(b, k, number, friction, guests.flat[kind, group])
+
+
+def roll(b: Any, k: Any, c: Any, friction: Any, flat: Any) -> None:
+    """Note the rolling friction of a guest at contact c (`rolling`)."""
+    i, guest, n, at = k.first[c], k.second[c], row(k.normal, c), row(k.point, c)
+    number = add_contact(k, i, guest, ROLLING + k.feature[c], at, n, 0.0)
+    set_surface(k, number, 0.0, friction, friction)
+    if number >= 0:
+        size, other = b.reach[guest], abs(dot(minus(at, place(b, i)), n))
+        k.turns[number], k.aim[0, number] = ROLL, c
+        k.aim[1, number] = size if flat > 0 else size * other / (size + other)
 
 
 @outlined

@@ -37,6 +37,8 @@ class Visitors(NamedTuple):
     kinetic: Floats
     speed: Floats
     exponent: Floats
+    rolling: Floats
+    flat: Floats
     gain: Floats
     beyond: Floats
     tied: Ints
@@ -62,7 +64,7 @@ def among(
     held: int,
     tied: Ints,
 ) -> Visitors:
-    """Some rows of groups as visitors, with what contact of each group does [6, kinds, groups of bodies], and `load`, which
+    """Some rows of groups as visitors, with what contact of each group does [8, kinds, groups of bodies], and `load`, which
     is `gain` and `beyond` [6, n]."""
     parts = []
     for kind, (state, rows) in enumerate(chosen):
@@ -91,6 +93,8 @@ def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
         visitors.kinetic,
         visitors.speed,
         visitors.exponent,
+        visitors.rolling,
+        visitors.flat,
     )
     scratch = (np.zeros(n), np.zeros((3, n)), np.zeros((3, n)))
     columns = (visitors.kind, visitors.radius, visitors.id, *tables)

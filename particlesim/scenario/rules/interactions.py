@@ -102,7 +102,7 @@ def turned(scenario: Tables) -> Iterator[Invalid]:
 
 
 def rolled(scenario: Tables) -> Iterator[Invalid]:
-    """Rolling friction holds back what turns: spheres that touch each other or colliders."""
+    """Rolling friction holds back what turns: spheres whose contacts have friction."""
     for k, each in enumerate(scenario.interactions):
         if each.rolls > 0:
             groups = interacting(each, scenario.groups)
@@ -113,11 +113,11 @@ def rolled(scenario: Tables) -> Iterator[Invalid]:
                     at,
                     hint="surfaces = false has particles touch as spheres",
                 )
-            elif each.between is not None and len(groups) < 2:
+            elif groups and not any(spins(scenario, group) for group in groups):
                 yield Invalid(
-                    "grains that touch bodies have no rolling friction there",
+                    f"the particles of {groups[0].name!r} do not turn, and have no rolling friction",
                     at,
-                    hint="give it to a contact among the grains themselves",
+                    hint="friction of a contact among the grains themselves lets them turn",
                 )
 
 

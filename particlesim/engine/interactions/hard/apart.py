@@ -31,8 +31,9 @@ DONE = -1.0
 """In place of what a pair has been given: that it has been moved apart."""
 SLACK, ROUGHLY = 1e-4, 1e-3
 """Overlap, as a part of the smaller radius, that contacts at rest keep; how exactly displacements are found at once."""
-TURNS_APART, MUCH = (4, 20), 0.005
-"""Turns in which overlaps are made smaller, at least, and at most; the part of the smaller radius above which they go on."""
+TURNS_APART, MUCH, FAR = (4, 20), 0.005, 0.1
+"""Turns in which overlaps are made smaller, at least, and at most; the parts of the smaller radius above which they go on,
+and above which particles may come into colliders that they were not near."""
 
 
 @outlined
@@ -54,9 +55,10 @@ def move_on(each: Any, c: Any, h: Any) -> None:
 
 
 @outlined
-def move_apart(each: Any, c: Any) -> bool:
-    """Make overlaps smaller by a half of what is to go of them in the step; returns whether that was much for some."""
-    bench, r, much = each.bench, c.r, False
+def move_apart(each: Any, c: Any) -> float:
+    """Make overlaps smaller by a half of what is to go of them in the step; returns how much that was at most, as a part of
+    the smaller radius."""
+    bench, r, most = each.bench, c.r, 0.0
     for k in range(each.report[COUNT]):
         i, j = bench.rows[0, k], bench.rows[1, k]
         wi, wj = each.a[i], each.a[j]
@@ -65,7 +67,7 @@ def move_apart(each: Any, c: Any) -> bool:
         least = min(r[i], r[j])
         overlap = r[i] + r[j] - apart - max(bench.normal[KEPT, k], type_of(apart, SLACK) * least)
         if (overlap > 0) & (both > 0) & (bench.desk.contacts[GIVEN, k] != DONE):
-            much = much | (overlap > type_of(apart, MUCH) * least)
+            most = max(most, float(overlap / least))
             by = type_of(apart, 0.5) * overlap / both
             c.x[i] += by * wi * x
             c.y[i] += by * wi * y
@@ -73,7 +75,7 @@ def move_apart(each: Any, c: Any) -> bool:
             c.x[j] -= by * wj * x
             c.y[j] -= by * wj * y
             c.z[j] -= by * wj * z
-    return much
+    return most
 
 
 @outlined

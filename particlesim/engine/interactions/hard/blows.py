@@ -18,16 +18,18 @@ from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.bench import REST
 from particlesim.engine.interactions.hard.friction import held_by
 from particlesim.engine.interactions.hard.overheard import tell_both
-from particlesim.engine.interactions.hard.turns import bounces_at
+from particlesim.engine.interactions.hard.turns import BLOWS, bounces_at
 from particlesim.engine.interactions.hard.walls import FLAT, colliders_of, whole
 from particlesim.engine.interactions.hard.ways import (
     BEGUN,
     ENDS,
     HIT,
     IMPACTS,
-    LIFTED,
+    MOST_IMPACTS,
     SIDE,
     WALL,
+    carry,
+    let_go,
     place_at,
     stand_at,
     stay,
@@ -36,10 +38,9 @@ from particlesim.engine.interactions.hard.ways import (
 from particlesim.engine.interactions.lifting import book
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.state.columns import fetch
+from particlesim.engine.step.rubbing import slowed
 from particlesim.laws.registry import PASS, gap_and_normal, moved_to, with_radius
 
-MOST_IMPACTS = 64
-"""Impacts of a particle in a step, after which it stays where it is until the end of the step."""
 CORNERS = 2
 """How often all colliders are looked at that something may have been pushed into."""
 ROUNDING = 1e-12
@@ -104,48 +105,79 @@ def strike(each: Any, c: Any, i: Any, j: Any, s: Any, end: Any, h: Any) -> None:
         t = rub(each, c, i, j, n, u, far, change)
         x, y, z = x + t[0], y + t[1], z + t[2]
     if both > 0:
-        push(w, i, wi / both, (x, y, z), h)
-        push(w, j, -wj / both, (x, y, z), h)
-        tire(w, each.fed, i, s)
-        tire(w, each.fed, j, s)
-        book(each.fed, keep_off(w, i, j, n, s) * max(-pressed, 0.0) / (both * float(h)))
+        push(w, i, wi / both, (x, y, z), s, h)
+        push(w, j, -wj / both, (x, y, z), s, h)
+        tire(w, each.fed, i, s, h)
+        tire(w, each.fed, j, s, h)
+        book(each.fed, keep_off(w, i, j, n, s, h))
 
 
-def push(w: Any, i: Any, part: Any, change: Any, h: Any) -> None:
-    """Change the velocity of a particle and its way, unless that has come to its end."""
+def push(w: Any, i: Any, part: Any, change: Any, s: Any, h: Any) -> None:
+    """Change the velocity of a particle and its way, unless that has come to its end. What leaves a collider that it lies on
+    is carried no more."""
     add(w.speed, i, part, change)
     if w.what[IMPACTS, i] < MOST_IMPACTS:
         add(w.go, i, part * float(h), change)
+        if part * dot(change, row(w.carried, i)) > 0:
+            let_go(w, i, s, h)
 
 
-def tire(w: Any, fed: Any, i: Any, s: Any) -> None:
+def tire(w: Any, fed: Any, i: Any, s: Any, h: Any) -> None:
     """Count an impact of a particle, which stays where it is if it has had too many."""
     w.what[IMPACTS, i] += 1
     if (w.what[IMPACTS, i] == MOST_IMPACTS) & (w.light[i] > 0):
-        stay(w, i, s)
+        rest(w, fed, i, s, h)
         fed[1] += 1.0
 
 
-def keep_off(w: Any, i: Any, j: Any, n: Any, s: Any) -> Any:
-    """Turn the ways of two so that they do not lead into each other; how far that takes them apart in the step [m]. One that
-    stays where it is moves only for what nothing moves."""
+def rest(w: Any, fed: Any, i: Any, s: Any, h: Any) -> None:
+    """Have a particle that something may move stay where it is."""
+    if w.light[i] > 0:
+        book(fed, stay(w, i, s, h) / w.light[i])
+
+
+def keep_off(w: Any, i: Any, j: Any, n: Any, s: Any, h: Any) -> Any:
+    """Turn the ways of two so that they do not lead into each other from time s of a step of h on; the work that takes
+    against forces on both [J]. One that stays where it is does not move, nor, if the other one can, one that lies on a
+    collider behind it."""
     into = dot(minus(row(w.go, j), row(w.go, i)), n)
     if into > 0:
         mine = w.light[i] if w.what[IMPACTS, i] < MOST_IMPACTS else 0.0
         other = w.light[j] if w.what[IMPACTS, j] < MOST_IMPACTS else 0.0
-        mine, other = (mine, other) if mine + other > 0 else (w.light[i], w.light[j])
-        add(w.go, i, into * mine / (mine + other), n)
-        add(w.go, j, -into * other / (mine + other), n)
-        return into * (1.0 - s)
+        one = mine if dot(n, row(w.carried, i)) >= 0 else 0.0
+        two = other if dot(n, row(w.carried, j)) <= 0 else 0.0
+        mine, other = (one, two) if one + two > 0 else (mine, other)
+        by = into / (mine + other) if mine + other > 0 else 0.0
+        add(w.go, i, by * mine, n)
+        add(w.go, j, -by * other, n)
+        one = dot(minus(row(w.force, i), row(w.carried, i)), n) if mine > 0 else 0.0
+        two = dot(minus(row(w.force, j), row(w.carried, j)), n) if other > 0 else 0.0
+        return (two - one) * by * (1.0 - s) / float(h)
     return 0.0
 
 
 def rub(each: Any, c: Any, i: Any, j: Any, n: Any, u: Any, far: Any, change: Any) -> Any:
-    """Friction of an impact that changes the velocity along the normal by `change`: it turns both; by what it changes the
-    velocity u of the first relative to the second [m/s]."""
-    w, friction = each.ways, each.law.friction
-    along = dot(u, n)
-    slip, share = (u[0] - along * n[0], u[1] - along * n[1], u[2] - along * n[2]), 1.0
+    """Friction, and rolling friction, of an impact that changes the velocity along the normal by `change`: they turn both;
+    by what it changes the velocity u of the first relative to the second [m/s]. One makes surfaces slide, or roll, which the
+    other one stops, so they come by turns."""
+    w, along, t = each.ways, dot(u, n), (0.0, 0.0, 0.0)
+    slide = (u[0] - along * n[0], u[1] - along * n[1], u[2] - along * n[2])
+    for axis in range(3):
+        w.held[axis, 0] = w.held[axis, 1] = 0.0
+    for _ in range(1 if each.law.rolling is None else BLOWS):
+        x, y, z = end_sliding(
+            each, c, i, j, n, (slide[0] + t[0], slide[1] + t[1], slide[2] + t[2]), far, change
+        )
+        t = (t[0] + x, t[1] + y, t[2] + z)
+        if each.law.rolling is not None:
+            end_rolling(each, c, i, j, n, change)
+    return t
+
+
+def end_sliding(each: Any, c: Any, i: Any, j: Any, n: Any, slip: Any, far: Any, change: Any) -> Any:
+    """Bring the friction of an impact up to what ends the sliding of two whose velocities differ by `slip` across the
+    normal, or to what is allowed; by what it changes that [m/s]."""
+    w, friction, share = each.ways, each.law.friction, 1.0
     ri, rj, both = float(c.r[i]), float(c.r[j]), w.light[i] + w.light[j]
     arm = far / (ri + rj)
     if c.spin is not None:
@@ -154,14 +186,25 @@ def rub(each: Any, c: Any, i: Any, j: Any, n: Any, u: Any, far: Any, change: Any
         slip = tuple(slip[k] - arm * turning[k] for k in range(3))
         light = (w.light[i] if ri > 0 else 0.0) + (w.light[j] if rj > 0 else 0.0)  # points do not turn
         share = both / (both + 2.5 * arm * arm * light)
-    for axis in range(3):
-        w.held[axis, 0] = 0.0
     t = held_by(w.held, 0, slip, share, change, float(friction.static), float(friction.kinetic))
     if c.spin is not None:
         turn = cross(n, (-t[0], -t[1], -t[2]))
         add(w.spin, i, 2.5 * arm * w.light[i] / (both * ri) if ri > 0 else 0.0, turn)
         add(w.spin, j, 2.5 * arm * w.light[j] / (both * rj) if rj > 0 else 0.0, turn)
     return t
+
+
+def end_rolling(each: Any, c: Any, i: Any, j: Any, n: Any, change: Any) -> None:
+    """Bring the rolling friction of an impact up to what ends the rolling of two, or to what is allowed (`friction`)."""
+    w, most, ri, rj = each.ways, float(each.law.rolling), float(c.r[i]), float(c.r[j])
+    if (ri > 0) & (rj > 0):
+        turn = minus(row(w.spin, i), row(w.spin, j))
+        up, by = dot(turn, n), 2.5 / ((ri + rj) * (w.light[i] + w.light[j]))
+        mine, other = by * w.light[i] * rj / ri, by * w.light[j] * ri / rj
+        rolls = (turn[0] - up * n[0], turn[1] - up * n[1], turn[2] - up * n[2])
+        q = held_by(w.held, 1, rolls, 1.0 / (mine + other), change, most, most)
+        add(w.spin, i, mine, q)
+        add(w.spin, j, -other, q)
 
 
 # ---- colliders
@@ -229,12 +272,12 @@ def hit_wall(w: Any, fed: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> No
     for part in parts:
         for collider in colliders_of(part):
             if k == w.what[SIDE, i]:
-                bounce_off(w, fed, collider, c, i, t, h)
+                bounce_off(w, fed, collider, part.rolling, c, i, t, h)
             k += 1
 
 
 @outlined
-def bounce_off(w: Any, fed: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) -> None:
+def bounce_off(w: Any, fed: Any, collider: Any, rolling: Any, c: Any, i: Any, t: Any, h: Any) -> None:
     """The rebound of a particle from a collider. It stays there until the end of the step, and meets it in the next one, if
     that moves, somebody hears of impacts, or it is to stick or to vanish."""
     s, response = w.when[WALL, i], collider.response
@@ -245,18 +288,26 @@ def bounce_off(w: Any, fed: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) 
         g, axes = gap_and_normal(collider.shape, p)
         n = whole(axes, g)
         approach = dot((p.vx, p.vy, p.vz), n)
-        change = rebounded(w, collider, c, i, p, axes, n, approach)
+        change = rebounded(w, collider, rolling, c, i, p, axes, n, approach)
         if approach < 0:
-            add(w.speed, i, 1.0, change)
-            add(w.go, i, float(h), change)
+            push(w, i, 1.0, change, s, h)
         w.what[IMPACTS, i] += 1
-        into = max(-dot(row(w.go, i), n), 0.0)
-        add(w.go, i, into, n)
-        pressed = max(-dot(row(w.force, i), n), 0.0)
-        w.when[LIFTED, i] += into * (1.0 - s) * pressed / (w.light[i] * float(h))
+        into = -dot(row(w.go, i), n)
+        if into > 0:
+            book(fed, lift(w, i, n, s, into / float(h)) / w.light[i])
+            add(w.go, i, into, n)
+            carry(w, i, s, n)
     else:
-        tire(w, fed, i, s)
-        stay(w, i, s)
+        tire(w, fed, i, s, h)
+        rest(w, fed, i, s, h)
+
+
+def lift(w: Any, i: Any, n: Any, s: Any, into: Any) -> Any:
+    """The energy over the mass that a particle gets where a collider with a normal n carries it from time s on and turns a
+    way that leads into it at a pace: against what other colliders carry, and as far as others have turned it there."""
+    left, pressed = w.when[ENDS, i] - s, max(-dot(row(w.force, i), n), 0.0)
+    turned = into + dot(velocity_at(w, i, s), n) - 0.5 * left * pressed
+    return left * (into * dot(row(w.carried, i), n) + max(turned, 0.0) * pressed)
 
 
 def put_back(w: Any, fed: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
@@ -277,10 +328,13 @@ def put_out_of(w: Any, fed: Any, collider: Any, c: Any, t: Any, h: Any, first: A
                 n = whole(axes, g)
                 stand_at(w, i, w.when[ENDS, i], h)
                 add(w.at, i, -float(g), n)
-                book(fed, -float(g) * max(-dot(row(w.force, i), n), 0.0) / (w.light[i] * float(h)))
+                pressed = -dot(minus(row(w.force, i), row(w.carried, i)), n)
+                book(fed, -float(g) * max(pressed, 0.0) / (w.light[i] * float(h)))
 
 
-def rebounded(w: Any, collider: Any, c: Any, i: Any, p: Any, axes: Any, n: Any, approach: Any) -> Any:
+def rebounded(
+    w: Any, collider: Any, rolling: Any, c: Any, i: Any, p: Any, axes: Any, n: Any, approach: Any
+) -> Any:
     """By how much the velocity of a particle changes in an impact on a collider that rests, which may turn it [m/s]."""
     response = collider.response
     if c.spin is None or response.friction is None:
@@ -289,11 +343,16 @@ def rebounded(w: Any, collider: Any, c: Any, i: Any, p: Any, axes: Any, n: Any, 
     given = -float(bounce_at(response, approach)) * approach
     belt = whole((None, None, None) if response.belt is None else response.belt, given)
     turning, u = cross(row(w.spin, i), n), (p.vx - belt[0], p.vy - belt[1], p.vz - belt[2])
-    along = dot(u, n)
+    along, friction = dot(u, n), response.friction
     slip = tuple(u[k] - along * n[k] - p.r * turning[k] for k in range(3))
-    for axis in range(3):
-        w.held[axis, 0] = 0.0
-    friction = response.friction
-    t = held_by(w.held, 0, slip, 2 / 7, given, float(friction.static), float(friction.kinetic))
-    add(w.spin, i, 2.5 / p.r if p.r > 0 else 0.0, cross(n, (-t[0], -t[1], -t[2])))
+    if rolling is None:
+        for axis in range(3):
+            w.held[axis, 0] = 0.0
+        t = held_by(w.held, 0, slip, 2 / 7, given, float(friction.static), float(friction.kinetic))
+        turn = cross(n, (-t[0], -t[1], -t[2]))
+    else:
+        roll = tuple(p.r * turning[k] for k in range(3))
+        t, q = slowed(slip, roll, friction, float(rolling), given)
+        turn = cross(n, minus(q, t))
+    add(w.spin, i, 2.5 / p.r if p.r > 0 else 0.0, turn)
     return given * n[0] + t[0], given * n[1] + t[1], given * n[2] + t[2]

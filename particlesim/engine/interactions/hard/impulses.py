@@ -35,6 +35,8 @@ from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.contacts import hold_stuck, with_masses
 from particlesim.engine.interactions.hard.apart import (
     DONE,
+    FAR,
+    MUCH,
     ROUGHLY,
     TURNS_APART,
     begin_apart,
@@ -73,6 +75,7 @@ from particlesim.engine.interactions.hard.walls import (
     push_from_walls,
     push_off_walls,
     put_on_walls,
+    put_out,
     rub_walls,
     watch_walls,
 )
@@ -137,8 +140,8 @@ class Impulses(NearLists, ImpulseColumns):
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         pass
 
-    def hasten(self, sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
-        hasten(sets, parts, c, before, t, h)
+    def hasten(self, sets: Any, alone: bool, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+        hasten(sets, alone, parts, c, before, t, h)
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         hold_stuck(self, c, share)
@@ -291,12 +294,15 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
             apart_at_once(each, parts, c, t, chosen, walls)
         else:
             settle(each, c, before, walls, h)
-        turn, going, deepest = 0, True, 0.0
+        turn, going, deepest, far = 0, True, 0.0, 0.0
         while (turn < TURNS_APART[0]) | (going & (turn < TURNS_APART[1])):
-            going = move_apart(each, c)
+            most = move_apart(each, c)
             deepest = put_on_walls(each, parts, c, t)
+            far, going = max(far, most), most > MUCH
             turn += 1
         leave_walls(each, parts, c, t, deepest)
+        if far > FAR:
+            put_out(each, parts, c, t)
         # not what steps take away from overlaps, and forces bring back
         most = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
         book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), most))

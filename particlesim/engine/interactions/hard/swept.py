@@ -22,6 +22,7 @@ from particlesim.engine.interactions.hard.ways import (
     ENDS,
     IMPACTS,
     LAW,
+    MOST_IMPACTS,
     PARTNER,
     SEEN,
     TURNED,
@@ -33,6 +34,8 @@ from particlesim.engine.interactions.neighbours.record import GROUP
 FAST = 0.5
 """Way of two relative to each other in a step, as a part of the sum of their radii, from which on they are followed: others
 overlap at its end if they meet."""
+SLOW = 0.01
+"""The same where one of them is followed anyway: below it, they lie on each other, or come that far into each other."""
 CLOSES, ROUNDING = 1e-9, 1e-12
 """What two that touch come closer in the rest of a step to hit each other, at least, as parts of the sum of their radii, and
 of their way relative to each other."""
@@ -40,8 +43,6 @@ WIDER = 1e-9
 """By how much boxes are wider than ways, as a part of coordinates."""
 DEEPEST, LEVEL_SHIFT = 12, 40
 """Levels of the tree that there is room for; bits of a node in the list of those to look at, below its level."""
-MOST = 128
-"""Impacts of a particle in a step after which it meets nobody any more."""
 MOST_IMAGES = 8
 """Images of a periodic box in which a way is looked for, to each side."""
 
@@ -148,24 +149,24 @@ def widen(w: Any, axis: Any, group: Any, low: Any, high: Any) -> None:
 
 def meets_at(f: Any, i: Any, j: Any, image: Any, low: Any, high: Any) -> float:
     """When particle i, on one leg between two times, meets particle j, displaced by an image; infinite if it does not."""
-    w, best = f.ways, np.inf
+    w, best, reach = f.ways, np.inf, float(f.r[i]) + float(f.r[j])
     begin, last = max(low, w.when[BEGUN, j]), min(high, w.when[ENDS, j])
     while (begin < last) & (best == np.inf):
         end = min(last, w.when[BEND, j]) if begin < w.when[BEND, j] else last
-        best = meet_between(w, i, j, image, begin, end, float(f.r[i]) + float(f.r[j]))
+        best = meet_between(w, i, j, image, begin, end, reach)
         begin = end
     return float(best)
 
 
 def meet_between(w: Any, i: Any, j: Any, image: Any, low: Any, high: Any, reach: Any) -> float:
-    """When two meet between two times at which neither's way bends."""
+    """When two meet between two times at which neither's way bends, unless they move as one."""
     (bi, xi, gi), (bj, xj, gj) = leg_of(w, i, low), leg_of(w, j, low)
     d = tuple(xi[k] + (low - bi) * gi[k] - xj[k] - (low - bj) * gj[k] + image[k] for k in range(3))
     g = tuple(gi[k] - gj[k] for k in range(3))
     along = d[0] * g[0] + d[1] * g[1] + d[2] * g[2]
     square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2]
     far = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-    if (along >= 0) | (square <= FAST * FAST * reach * reach) | (far == 0):
+    if (along >= 0) | (square <= SLOW * SLOW * reach * reach) | (far == 0):
         return np.inf
     left = high - low
     if far <= reach * reach:  # which touch, and hit each other if they still come closer
@@ -298,8 +299,12 @@ def law_of(f: Any, i: Any, j: Any) -> Any:
     w, found = f.ways, -1
     for number, side in enumerate(f.sides):
         found = number if (found < 0) & ((side[i] & side[j] >> 2 & 3) != 0) else found
-    acts = (i != j) & (w.light[i] + w.light[j] > 0)
-    return found if acts & (w.what[IMPACTS, i] < MOST) & (w.what[IMPACTS, j] < MOST) else -1
+    return found if (i != j) & (goes_on(w, i) | goes_on(w, j)) else -1
+
+
+def goes_on(w: Any, i: Any) -> Any:
+    """Whether impulses move a particle, which has not had too many."""
+    return (w.light[i] > 0) & (w.what[IMPACTS, i] < MOST_IMPACTS)
 
 
 def image_of(f: Any, i: Any, j: Any, shift: Any) -> Any:

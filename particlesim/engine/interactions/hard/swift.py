@@ -4,7 +4,8 @@ Contacts look at overlaps at the end of a step. Two that move relative to each o
 radii in a step may have passed each other then. So all whose way relative to the mean of all is more than a half of that are
 followed along their ways (`ways`) from impact to impact (`swept`, `blows`), in the order of time, and of rows at one time.
 After an impact both go on with the velocities that they have then, and are followed, whoever they are, also to colliders.
-What nobody hits keeps its bits, and where nobody is swift nothing is done but to look at that.
+What colliders have thrown back more than once is followed from the beginning (`follow_anew`). What else nobody hits keeps
+its bits, and where nobody is swift nothing is done but to look at that.
 
 Ways are cut into laps, each as long as some spaces between particles, so that a particle is compared with what is near to it
 at about that time. Laps and boxes only say whom to compare: impacts do not depend on them, nor on the order of neighbours.
@@ -21,7 +22,7 @@ import numpy as np
 from particlesim.compiler import outlined, shared
 from particlesim.engine.interactions.hard.blows import find_wall, hit_wall, put_back, strike
 from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next
-from particlesim.engine.interactions.hard.thrown import bend_ways
+from particlesim.engine.interactions.hard.thrown import bend_ways, size_of, unexplained
 from particlesim.engine.interactions.hard.ways import (
     BEGUN,
     BEND,
@@ -31,7 +32,7 @@ from particlesim.engine.interactions.hard.ways import (
     FOLLOWED,
     HIT,
     LAW,
-    LIFTED,
+    LIES,
     PARTNER,
     SEEN,
     SIZE,
@@ -43,28 +44,28 @@ from particlesim.engine.interactions.hard.ways import (
     WALL,
     Field,
     begin_anew,
+    begin_as_before,
     begin_ways,
     is_member,
     place_at,
 )
-from particlesim.engine.interactions.lifting import book
 from particlesim.engine.state.columns import type_of
 
 MOST_LAPS = 1000
 """Laps into which a step is cut at most."""
 
 
-def hasten(sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
-    """Have swift particles meet what is on their way in a step of h that ends at time t, by all hard contacts of an
-    island."""
+def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+    """Have swift particles meet what is on their way in a step of h that ends at time t, by all hard contacts of an island;
+    `alone`: nothing else acts between its particles."""
     w, fed = sets[0].ways, sets[0].fed
     f = Field(w, c.r, tuple(each.side for each in sets), sets[0].near.box)
     w.number[STRUCK] = 0
     if some_swift(f, c, before):
         begin_ways(f, sets[0].a, c, before, t, h)
         bend_ways(w, parts, c, before, t, h)
-        laps = choose(f)
-        follow_anew(f, parts, c, t, h)
+        laps = choose(f, alone, h)
+        follow_anew(f, alone, parts, c, t, h)
         for lap in range(laps):
             low, high = float(lap) / laps, float(lap + 1) / laps
             box_ways(f, low, high)
@@ -85,7 +86,7 @@ def hasten(sets: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
                     go_on(f, parts, c, i, s, high, t, h)
                     go_on(f, parts, c, j, s, high, t, h)
         put_back(w, fed, parts, c, t, h)
-        conclude_ways(w, fed, c, before)
+        conclude_ways(w, c, before)
 
 
 @outlined
@@ -108,7 +109,7 @@ def some_swift(f: Any, c: Any, before: Any) -> bool:
 
 
 @shared
-def choose(f: Any) -> int:
+def choose(f: Any, alone: bool, h: Any) -> int:
     """Choose those that are followed, and in how many laps: their mean way is at most half a space between particles long in
     each."""
     w, number, least, mean = f.ways, 0, np.inf, (0.0, 0.0, 0.0)
@@ -124,7 +125,7 @@ def choose(f: Any) -> int:
     mean = moved_by((0.0, 0.0, 0.0), 1.0 / max(number, 1), mean)
     for i in range(w.light.size):
         if w.when[ENDS, i] > 0:
-            way = longest(w, i, mean)
+            way = longest(w, i, mean, alone, h)
             if way > 0.5 * FAST * (float(f.r[i]) + least):
                 w.what[FOLLOWED, i] = 1
             total += min(way, 1e300)
@@ -135,14 +136,18 @@ def choose(f: Any) -> int:
     return int(min(max(laps, 1.0), float(MOST_LAPS)))
 
 
-def follow_anew(f: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
+def follow_anew(f: Any, alone: bool, parts: Any, c: Any, t: Any, h: Any) -> None:
     """Have swift particles that colliders have thrown back more than once in the step, on ways that are not known, take them
-    again, from impact to impact on colliders."""
+    again, from impact to impact on colliders. They end where these lead."""
     w = f.ways
     for i in range(w.light.size):
-        if (w.what[FOLLOWED, i] > 0) & (w.what[THROWN, i] == COLLIDER) & (w.when[BEND, i] == STRAIGHT):
-            begin_anew(w, i, h)
+        if (w.what[FOLLOWED, i] > 0) & is_unknown(w, i, alone):
+            begun = begin_anew(w, i, h)
             find_wall(w, parts, c, i, t, h)
+            if (w.what[THROWN, i] != COLLIDER) & (w.when[WALL, i] == np.inf):
+                begin_as_before(w, i, begun)
+            else:
+                w.what[THROWN, i], w.what[HIT, i] = COLLIDER, 1
 
 
 def moved_by(x: Any, part: Any, y: Any) -> Any:
@@ -150,13 +155,28 @@ def moved_by(x: Any, part: Any, y: Any) -> Any:
     return x[0] + part * y[0], x[1] + part * y[1], x[2] + part * y[2]
 
 
-def longest(w: Any, i: Any, mean: Any) -> Any:
+def longest(w: Any, i: Any, mean: Any, alone: bool, h: Any) -> Any:
     """How far a particle would come in a step by the faster of its legs, relative to a mean way [m]."""
     one, other = 0.0, 0.0
     for axis in range(3):
         one += (w.go[axis, i] - mean[axis]) * (w.go[axis, i] - mean[axis])
         other += (w.on[axis, i] - mean[axis]) * (w.on[axis, i] - mean[axis])
-    return np.sqrt(max(one, other) if w.when[BEND, i] <= 1 else one)
+    if w.when[BEND, i] <= 1:
+        one = max(one, other)
+    elif is_unknown(w, i, alone):
+        one = 0.0
+        for axis in range(3):
+            way = float(h) * w.first[axis, i] - mean[axis]
+            one += way * way
+    return np.sqrt(one)
+
+
+def is_unknown(w: Any, i: Any, alone: bool) -> Any:
+    """Whether the way of a particle may have legs that are not known: it has been thrown back, or happens to move as a
+    method does, but not as forces on it say."""
+    thrown = w.what[THROWN, i]
+    known = (thrown == LIES) | ((thrown == 0) & (not alone or size_of(unexplained(w, i)) == 0))
+    return (w.when[BEND, i] == STRAIGHT) & (w.light[i] > 0) & (not known)
 
 
 # ---- the queue: a heap, with the particle whose impact is next at its top
@@ -234,16 +254,17 @@ def put(w: Any, k: Any, i: Any) -> None:
 
 
 @outlined
-def conclude_ways(w: Any, fed: Any, c: Any, before: Any) -> None:
+def conclude_ways(w: Any, c: Any, before: Any) -> None:
     """Give all that have been hit their places and velocities. In `before` they get the velocities with which they would
     have come to these without impacts, so that what comes after does not take impacts for forces."""
     for i in range(w.light.size):
         if (w.what[HIT, i] > 0) & (w.light[i] > 0):
             now, w.number[STRUCK] = place_at(w, i, w.when[ENDS, i]), 1
             for axis, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
-                x[i], v[i] = type_of(x[i], now[axis]), type_of(v[i], w.speed[axis, i])
-                before[3 + axis, i] = type_of(x[i], w.speed[axis, i] - w.force[axis, i])
-            book(fed, w.when[LIFTED, i])
+                # velocities that are late are so by all forces
+                speed = w.speed[axis, i] + w.late[0] * w.carried[axis, i]
+                x[i], v[i] = type_of(x[i], now[axis]), type_of(v[i], speed)
+                before[3 + axis, i] = type_of(x[i], speed - w.force[axis, i])
             if c.spin is not None:
                 for axis, spin in enumerate((c.spin.wx, c.spin.wy, c.spin.wz)):
                     spin[i] = type_of(spin[i], w.spin[axis, i])

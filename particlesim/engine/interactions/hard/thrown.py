@@ -42,7 +42,7 @@ def bend_ways(w: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     for part in parts:
         for collider in colliders_of(part):
             find_thrown(w, collider, c, before, t, h, part.first, part.last)
-    bend_thrown(w, h)
+    bend_thrown(w, c, h)
 
 
 @outlined
@@ -56,22 +56,35 @@ def note_kicks(w: Any, forces: Any, c: Any, t: Any, h: Any, first: Any, last: An
 
 @outlined
 def find_method(w: Any, c: Any, before: Any, h: Any) -> None:
-    """Find those that move as no method does, and how most others do."""
-    early = late = some = 0
+    """Find those that move as no method does, and how most others do: of those that only forces on them move, if there are
+    any, as what lies on something may look like any method."""
+    free = (0, 0, 0)
+    others = (0, 0, 0)
     for i in range(w.light.size):
         lasts = w.when[ENDS, i] - w.when[BEGUN, i]
         if (lasts > 0) & (w.light[i] > 0):
             way = way_of(c, before, i, lasts * float(h))
             w.what[THROWN, i] = SOMETHING if way < 0 else 0
             if (w.force[0, i] != 0) | (w.force[1, i] != 0) | (w.force[2, i] != 0):
-                early += 1 if way == 0 else 0
-                late += 1 if way == 1 else 0
-                some += 1 if way > 0 and way < 1 else 0
+                if size_of(unexplained(w, i)) == 0:
+                    free = with_one(free, way)
+                else:
+                    others = with_one(others, way)
+    early, some, late = free if free[0] + free[1] + free[2] > 0 else others
     w.late[0] = 0.0
     if (late > early) & (late > some):
         w.late[0] = 0.5
     if (early > late) & (early > some):
         w.late[0] = -0.5
+
+
+def with_one(numbers: Any, way: Any) -> Any:
+    """How many have been moved by nothing, a half, and all of what forces do, with one more that has been moved by a way."""
+    return (
+        numbers[0] + (1 if way == 0 else 0),
+        numbers[1] + (1 if (way > 0) & (way < 1) else 0),
+        numbers[2] + (1 if way == 1 else 0),
+    )
 
 
 @outlined
@@ -89,7 +102,7 @@ def find_thrown(w: Any, collider: Any, c: Any, before: Any, t: Any, h: Any, firs
                 n = whole(axes, g)
                 along = by[0] * n[0] + by[1] * n[1] + by[2] * n[2]
                 thrown = (g <= far) & (leaves(collider, q, u, n) | (along > 0.5 * size_of(by)))
-                part, middle = bend_of(w, i, h)
+                part, middle = bend_of(w, i, float(p.r), h)
                 looks = looks + 1 if (g <= far) & (not thrown) & (part > 0) else 2
                 x = tuple(type_of(p.x, w.at[axis, i] + middle[axis]) for axis in range(3))
                 far = type_of(far, CLOSE) * p.r
@@ -118,8 +131,8 @@ def unexplained(w: Any, i: Any) -> Any:
 
 
 @shared
-def bend_thrown(w: Any, h: Any) -> None:
+def bend_thrown(w: Any, c: Any, h: Any) -> None:
     """Bend the ways of all that have been thrown back."""
     for i in range(w.queue.size):
         if w.what[THROWN, i] > 0:
-            bend_way(w, i, h)
+            bend_way(w, i, float(c.r[i]), h)

@@ -377,3 +377,30 @@ def leave_walls(each: Any, parts: Any, c: Any, t: Any, deepest: Any) -> None:
         before = deepest
         deepest = put_on_walls(each, parts, c, t)
         turn += 1
+
+
+def put_out(each: Any, parts: Any, c: Any, t: Any) -> None:
+    """Particles in pairs that have been moved into colliders, whether these are watched or not, go back to their surface; in
+    corners again and again."""
+    turn, deep = 0, True
+    while deep & (turn < MOST_TURNS_OUT):
+        deep = False
+        for part in parts:
+            for collider in colliders_of(part):
+                deep = put_out_of(each, collider, c, t, part.first, part.last) | deep
+        turn += 1
+
+
+@outlined
+def put_out_of(each: Any, collider: Any, c: Any, t: Any, first: Any, last: Any) -> bool:
+    """`put_out` for particles [first, last); returns whether one was deep in the collider."""
+    deep = False
+    for i in range(first, last):
+        if ((each.bench.mark[i] & PAIRED) != 0) & (each.a[i] > 0):  # noqa: SIM102
+            if (not held(c.clock, i)) & (collider.response.outcome == PASS):
+                p = fetch(c, i, t)
+                g, n = gap_and_normal(collider.shape, p)
+                if g < type_of(g, -OUT) * p.r:
+                    c.x[i], c.y[i], c.z[i] = put_back(collider.shape, p, g, whole(n, g))
+                    deep = True
+    return deep

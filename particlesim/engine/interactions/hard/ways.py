@@ -21,10 +21,9 @@ from particlesim.engine.interactions.hard.bench import REST
 from particlesim.engine.interactions.neighbours.record import GROUP, level_starts
 from particlesim.engine.state.columns import held, span
 
-BEGUN, BEND, ENDS, DUE, WALL, LIFTED = range(6)
+BEGUN, BEND, ENDS, DUE, WALL = range(5)
 """Rows of `when`: the times at which a way begins, bends, and ends, 1 or that of a death, and of its next impacts, on
-another particle and on a collider; a way bends after 1 if it does not, and ends before 0 where a particle is not there.
-And the energy that colliders have given it by keeping it off [J]."""
+another particle and on a collider; a way bends after 1 if it does not, and ends before 0 where a particle is not there."""
 TURNED, PARTNER, SEEN, SLOT, IMPACTS, SIDE, FOLLOWED, THROWN, LAW, HIT = range(10)
 """Rows of `what`: how often a way has changed, with whom its next impact is, how often that one's way had changed when that
 was found, where it is in the queue, counted from 1, 0 if it is not, how many impacts it has had in the step, which collider
@@ -33,6 +32,8 @@ its next impact is, and whether another particle has hit it."""
 SOMETHING, COLLIDER, LIES = 1, 2, 3
 """For THROWN: that it moves as no method does, that a collider has thrown it back, and that it lies on one, or hops no
 higher than what lies."""
+MOST_IMPACTS = 64
+"""Impacts of a particle in a step, after which it stays where it is until the end of the step."""
 SIZE, STRUCK = range(2)
 """In `number`: how many are in the queue, and whether an impact has taken place in the step."""
 STRAIGHT = 2.0
@@ -40,20 +41,22 @@ STRAIGHT = 2.0
 SPINS = 9
 """Row of the state at the beginning of a step at which angular velocities begin."""
 ASTRAY = 1e-3
-"""How far both legs may miss each other, as a part of how much the velocity has changed times the step."""
+"""How far both legs may miss each other, as a part of the radius, and of the change of velocity times the step."""
 
 
 class Ways(NamedTuple):
     """Of every particle, in double precision: where its way begins, how far it leads in a whole step, both again after its
-    bend, [3, n] each [m]; its velocity at the end of the step, that without what has thrown it back, and by how much forces
-    change it in a whole step [3, n] [m/s]; its angular velocity at the end and at the beginning [3, n] [rad/s]; times
-    [6, n], numbers [10, n]; the displacement of the image that it meets next [3, n] [m]; its inverse mass, 0 of what nothing
-    moves [n] [1/kg]; what to add to its place in a periodic box for an image inside [3, n] [m].
+    bend, [3, n] each [m]; its velocity at the end of the step, that without what has thrown it back, by how much forces
+    change it in a whole step, and how much of that a collider carries on which it lies [3, n] [m/s]; its angular velocity at
+    the end and at the beginning [3, n] [rad/s]; times [5, n], numbers [10, n]; the displacement of the image that it meets
+    next [3, n] [m]; its inverse mass, 0 of what nothing moves [n] [1/kg]; what to add to its place in a periodic box for an
+    image inside [3, n] [m].
 
     The queue of impacts [n], and how many there are, and more [2]; by how much velocities are late, w − ½ [1]. Of one
-    impact: room for its friction, as in `Bench` [4]. Members in an order in which neighbours in space are neighbours [room],
-    −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and the cell of each [n]. Boxes
-    about the ways of groups in that order and of nodes above them [6, nodes], and where their levels begin.
+    impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in
+    space are neighbours [room], −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and
+    the cell of each [n]. Boxes about the ways of groups in that order and of nodes above them [6, nodes], and where their
+    levels begin.
     """
 
     at: Any
@@ -63,6 +66,7 @@ class Ways(NamedTuple):
     speed: Any
     first: Any
     force: Any
+    carried: Any
     spin: Any
     spun: Any
     when: Any
@@ -94,12 +98,12 @@ class Field(NamedTuple):
 
 def new_ways(particles: int) -> Ways:
     """Room for the ways of the particles of an island."""
-    at, go, bend, on, speed, first, force, spin, spun = (np.zeros((3, particles)) for _ in range(9))
+    at, go, bend, on, speed, first, force, carried, spin, spun = (np.zeros((3, particles)) for _ in range(10))
     groups = max(-(-particles // GROUP), 1)
     levels, bits = level_starts(groups), max(particles.bit_length() // 3, 1)
     return Ways(
-        *(at, go, bend, on, speed, first, force, spin, spun),
-        np.zeros((6, particles)),
+        *(at, go, bend, on, speed, first, force, carried, spin, spun),
+        np.zeros((5, particles)),
         np.zeros((10, particles), np.int64),
         np.zeros((3, particles)),
         np.zeros(particles),
@@ -107,7 +111,7 @@ def new_ways(particles: int) -> Ways:
         np.zeros(particles, np.int64),
         np.zeros(2, np.int64),
         np.zeros(1),
-        np.zeros((4, 1)),
+        np.zeros((4, 2)),
         np.zeros(GROUP * groups, np.int64),
         np.zeros(particles, np.int64),
         np.zeros(8**bits + 1, np.int64),
@@ -132,7 +136,8 @@ def begin_ways(f: Any, a: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     for i in range(w.light.size):
         for row in range(10):
             w.what[row, i] = 0
-        w.when[DUE, i], w.when[WALL, i], w.when[ENDS, i], w.when[LIFTED, i] = np.inf, np.inf, -1.0, 0.0
+        w.when[DUE, i], w.when[WALL, i], w.when[ENDS, i] = np.inf, np.inf, -1.0
+        w.carried[0, i] = w.carried[1, i] = w.carried[2, i] = 0.0
         w.light[i] = 0.0 if held(c.clock, i) else float(a[i])
         if is_member(f.sides, i):
             begin_way(f, c, before, i, t, h)
@@ -163,10 +168,11 @@ def begin_way(f: Any, c: Any, before: Any, i: Any, t: Any, h: Any) -> None:
                 w.spun[axis, i] = float(turns[i] if part <= 0 else before[SPINS + axis, i])
 
 
-def bend_of(w: Any, i: Any, h: Any) -> Any:
-    """The part of its time after which the way of a particle bends if it has been thrown back in a step of h, less than 0 if
-    its legs do not meet; and where it bends, from where it begins [m]. In `image` is what forces change its velocity by in a
-    step: so the first leg leads where it would have come, and the second one comes from where it would have begun."""
+def bend_of(w: Any, i: Any, r: Any, h: Any) -> Any:
+    """The part of its time after which the way of a particle with a radius r bends if it has been thrown back in a step of
+    h, less than 0 if its legs do not meet; and where it bends, from where it begins [m]. In `image` is what forces change
+    its velocity by in a step: so the first leg leads where it would have come, and the second one comes from where it would
+    have begun."""
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     long, one, other = lasts * float(h), lasts * (0.5 + w.late[0]), lasts * (0.5 - w.late[0])
     u = tuple(w.first[axis, i] + one * w.image[axis, i] for axis in range(3))
@@ -177,15 +183,16 @@ def bend_of(w: Any, i: Any, h: Any) -> Any:
     size = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     part = -(e[0] * d[0] + e[1] * d[1] + e[2] * d[2]) / size if size > 0 else -1.0
     miss = tuple(e[axis] + part * d[axis] for axis in range(3))
-    astray = miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2] > ASTRAY * ASTRAY * size
+    astray = miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2] > ASTRAY * ASTRAY * min(size, r * r)
     middle = tuple(part * long * u[axis] - 0.5 * miss[axis] for axis in range(3))
     return (-1.0 if astray | (part <= 0) | (part >= 1) else part), middle
 
 
-def bend_way(w: Any, i: Any, h: Any) -> None:
-    """Bend the way of a particle that has been thrown back in a step of h, unless its legs do not meet. What forces change
-    its velocity by is then what is in `image`; where colliders have changed it by no more than twice that, it lies."""
-    part, middle = bend_of(w, i, h)
+def bend_way(w: Any, i: Any, r: Any, h: Any) -> None:
+    """Bend the way of a particle with a radius r that has been thrown back in a step of h, unless its legs do not meet. What
+    forces change its velocity by is then in `image`; where colliders have changed it by no more than twice that,
+    it lies."""
+    part, middle = bend_of(w, i, r, h)
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     if part > 0:
         for axis in range(3):
@@ -204,13 +211,28 @@ def bend_way(w: Any, i: Any, h: Any) -> None:
             w.what[THROWN, i] = LIES
 
 
-def begin_anew(w: Any, i: Any, h: Any) -> None:
-    """Have a particle that has been thrown back begin its way in a step of h anew, as if nothing were in it."""
+def begin_anew(w: Any, i: Any, h: Any) -> Any:
+    """Have a particle that has been thrown back begin its way in a step of h anew, as if nothing were in it; returns what it
+    began with (`begin_as_before`)."""
+    begun = tuple(
+        (w.go[axis, i], w.speed[axis, i], w.spin[axis, i], w.force[axis, i], w.first[axis, i])
+        for axis in range(3)
+    )
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     for axis in range(3):
+        if w.what[THROWN, i] != COLLIDER:
+            w.force[axis, i] = w.image[axis, i]
+            w.first[axis, i] += lasts * w.force[axis, i]
         w.speed[axis, i], w.spin[axis, i] = w.first[axis, i], w.spun[axis, i]
         w.go[axis, i] = float(h) * (w.speed[axis, i] - (0.5 - w.late[0]) * lasts * w.force[axis, i])
     w.what[TURNED, i] += 1
+    return begun
+
+
+def begin_as_before(w: Any, i: Any, begun: Any) -> None:
+    """Undo `begin_anew`."""
+    for axis in range(3):
+        w.go[axis, i], w.speed[axis, i], w.spin[axis, i], w.force[axis, i], w.first[axis, i] = begun[axis]
 
 
 def leg_of(w: Any, i: Any, s: Any) -> Any:
@@ -237,18 +259,58 @@ def place_at(w: Any, i: Any, s: Any) -> Any:
 
 def stand_at(w: Any, i: Any, s: Any, h: Any) -> None:
     """Have the way of a particle begin at time s of a step of h, with what is left of its leg, and nothing after that. Where
-    it had been thrown back after that time, it has the velocities of before; what lies has that of its way."""
+    it had been thrown back after that time, it has the velocities of before; what lies has that of its way (`rise`)."""
     begun, x, go = leg_of(w, i, s)
-    by, late = s - begun, w.when[ENDS, i] - s - w.late[0]
+    by = s - begun
     for axis in range(3):
         w.at[axis, i], w.go[axis, i] = x[axis] + by * go[axis], go[axis]
         if w.when[BEND, i] < STRAIGHT and s < w.when[BEND, i]:
             w.speed[axis, i], w.spin[axis, i] = w.first[axis, i], w.spun[axis, i]
-        if w.what[THROWN, i] == LIES:
-            w.speed[axis, i] = go[axis] / float(h) + late * w.force[axis, i]
+    if w.what[THROWN, i] == LIES:
+        rise(w, i, s, by, h)
     w.when[BEGUN, i], w.when[BEND, i] = s, STRAIGHT
     w.what[THROWN, i] = min(w.what[THROWN, i], COLLIDER)
     w.what[TURNED, i] += 1
+
+
+def rise(w: Any, i: Any, s: Any, since: Any, h: Any) -> None:
+    """Have forces act again on a particle that has lain on a collider, or hopped low, from time s of a step of h on, `since`
+    so long. It goes at the mean pace of its step, or as fast as its energy allows: it has had u at the beginning, and
+    what forces have done on its way since."""
+    lasts, left = w.when[ENDS, i] - w.when[BEGUN, i], w.when[ENDS, i] - s
+    most, square = 0.0, 0.0
+    for axis in range(3):
+        u, pace = w.first[axis, i] - (lasts - w.late[0]) * w.force[axis, i], w.go[axis, i] / float(h)
+        most += u * u + 2.0 * since * pace * w.force[axis, i]
+        square += pace * pace
+    part = min(np.sqrt(max(most, 0.0) / square), 1.0) if square > 0 else 1.0
+    for axis in range(3):
+        v, force = part * w.go[axis, i] / float(h), w.force[axis, i]
+        w.speed[axis, i] = v + (left - w.late[0]) * force
+        w.go[axis, i] = float(h) * (v + 0.5 * left * force)
+
+
+def carry(w: Any, i: Any, s: Any, n: Any) -> None:
+    """Have a collider with a normal n carry a particle that lies on it from time s on: forces do not press it into that."""
+    pressed = -(w.force[0, i] * n[0] + w.force[1, i] * n[1] + w.force[2, i] * n[2])
+    if pressed > 0:
+        left = w.when[ENDS, i] - s - w.late[0]
+        for axis in range(3):
+            w.force[axis, i] += pressed * n[axis]
+            w.speed[axis, i] += left * pressed * n[axis]
+            w.carried[axis, i] += pressed * n[axis]
+
+
+def let_go(w: Any, i: Any, s: Any, h: Any) -> None:
+    """Have all forces act again on a particle from time s of a step of h on, and bend its way, unless it stays."""
+    left = w.when[ENDS, i] - s
+    for axis in range(3):
+        by = w.carried[axis, i]
+        if (by != 0) & (w.what[IMPACTS, i] < MOST_IMPACTS):
+            w.force[axis, i] -= by
+            w.speed[axis, i] -= (left - w.late[0]) * by
+            w.go[axis, i] -= 0.5 * left * float(h) * by
+            w.carried[axis, i] = 0.0
 
 
 def velocity_at(w: Any, i: Any, s: Any) -> Any:
@@ -261,8 +323,16 @@ def velocity_at(w: Any, i: Any, s: Any) -> Any:
     )
 
 
-def stay(w: Any, i: Any, s: Any) -> None:
-    """Have a particle stay where its way begins, at time s; as if time stood still, nothing acts on it either."""
+def stay(w: Any, i: Any, s: Any, h: Any) -> Any:
+    """Have a particle stay where its way begins, at time s of a step of h; as if time stood still, nothing acts on it, too.
+    Returns the energy that it ends with and would not have had, over its mass: where others had turned its way [J/kg]."""
+    left, v, more = w.when[ENDS, i] - s, velocity_at(w, i, s), 0.0
     for axis in range(3):
-        w.speed[axis, i] -= (w.when[ENDS, i] - s) * w.force[axis, i]
+        force = w.force[axis, i]
+        more += (force - w.carried[axis, i]) * w.go[axis, i] / float(h) - force * (
+            v[axis] + 0.5 * left * force
+        )
+        w.speed[axis, i] -= (w.when[ENDS, i] - s - w.late[0]) * w.force[axis, i]
+        w.carried[axis, i] -= w.force[axis, i]
         w.go[axis, i] = w.force[axis, i] = 0.0
+    return max(left * more, 0.0)

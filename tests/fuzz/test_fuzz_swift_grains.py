@@ -1,0 +1,23 @@
+"""A part of the fuzz of swift hard grains; `fuzz_swift_grains.py` does as much as it is asked."""
+
+from __future__ import annotations
+
+import pytest
+from fuzz.fuzz_swift_grains import broken_rules, draw, worst_of
+
+
+@pytest.mark.parametrize(
+    ("scene", "numbers"),
+    [
+        # smooth and under gravity, so that all of a scene share their kernels
+        ("sphere", (9, 13, 72, 80, 95, 136, 177, 230, 253)),
+        ("box", (14, 65, 84, 107, 111, 136, 244, 260, 264, 267, 287)),
+    ],
+)
+def test_nobody_is_in_another_or_in_a_wall_and_nothing_gains_energy(
+    scene: str, numbers: tuple[int, ...]
+) -> None:
+    clouds = [draw(number, scene, e) for number in numbers for e in (None, 0.0)]
+    assert len({(cloud.falls, cloud.turns) for cloud in clouds}) == 1
+    wrong = [f"{cloud.name}: {broken}" for cloud in clouds if (broken := broken_rules(worst_of(cloud, 18)))]
+    assert wrong == []
