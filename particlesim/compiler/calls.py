@@ -17,7 +17,8 @@ DEEPEST = 200
 
 
 _PARTS: dict[Any, Part] = {}
-"""Shared functions that this process has written, by function, form of the arguments, and whether indices are looked at."""
+"""Functions with modules of their own that this process has written, by function, form of the arguments, whether indices
+are looked at, and whether they compile quickly."""
 
 
 @dataclass(frozen=True)
@@ -85,16 +86,16 @@ class Calls(Names):
         return result
 
     def _call_outlined(self, function: Any, arguments: list[Any]) -> Any:
-        alone = getattr(function, "shared", False)
+        shared = getattr(function, "shared", False)
         taken = [self._taken(each) for each in arguments]
         key = (
             function,
             tuple(each.form for each in taken),
-            tuple(() if alone else each.runs for each in taken),
+            tuple(() if shared else each.runs for each in taken),
         )
         made = self.unit.outlines.get(key)
         if made is None:
-            made = self._shared(key) if alone else self._outlined(key)
+            made = self._part(key) if shared or self.unit.quick else self._outlined(key)
             self.unit.outlines[key] = made
         w = self.w
         given = ", ".join(
@@ -144,20 +145,20 @@ class Calls(Names):
         unit.bodies.append(_definition(made, body, "internal ", "noinline "))
         return made
 
-    def _shared(self, key: Any) -> Outline:
+    def _part(self, key: Any) -> Outline:
         """A function in a module of its own, which is the same for all units that call it.
 
         It is named by what is in it, so that kernels find this one and no other. It is written once in a process: other
         kernels take it as it is.
         """
-        known = (key, self.unit.checked)
+        known = (key, self.unit.checked, self.unit.quick)
         part = _PARTS.get(known)
         if part is None:
-            unit = Unit(checked=self.unit.checked)
+            unit = Unit(checked=self.unit.checked, quick=self.unit.quick)
             made, body = again(lambda: self._written(key, unit))
             text = unit.module(_definition(made, body))
             made.name = f'@"{key[0].__name__}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"'
-            part = _PARTS[known] = Part(unit.module(_definition(made, body)), made, unit)
+            part = _PARTS[known] = unit.part(made, unit.module(_definition(made, body)))
         self.unit.take_in(part)
         return part.outline
 

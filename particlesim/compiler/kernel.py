@@ -214,7 +214,7 @@ def write(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str
     from particlesim.compiler.calls import DEEPEST
     from particlesim.compiler.unit import Unit, again
 
-    unit = Unit(checked=CHECKED)
+    unit = Unit(checked=CHECKED, quick=_quick)
     limit = sys.getrecursionlimit()
     sys.setrecursionlimit(max(limit, DEEPEST * 20))  # a call in a kernel takes a dozen calls here
     try:
