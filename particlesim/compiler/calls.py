@@ -10,7 +10,7 @@ from typing import Any, cast
 from particlesim.compiler.names import Names
 from particlesim.compiler.unit import Outline, Part, Unit, again
 from particlesim.compiler.values import Array, Number, Unsupported, form_of, kinds_in, value_of
-from particlesim.compiler.writer import Writer
+from particlesim.compiler.writer import RUN, Writer
 
 DEEPEST = 200
 """Calls within calls; more are a recursion without end."""
@@ -39,14 +39,23 @@ class Taken:
     kinds: list[str]
     runs: tuple[tuple[int, int], ...]
 
-    def words(self, w: Writer, runs: tuple[tuple[int, int], ...]) -> Iterator[str]:
-        """How it is passed on: by the places of runs, and by the registers that are in none."""
+    def words(self, w: Writer, runs: tuple[tuple[int, int], ...], position: int) -> Iterator[str]:
+        """How it is passed on, at a position: by the places of runs, and by the registers that are in none. It is put
+        in memory for a run that is not there yet."""
+        if runs and runs != self.runs:
+            yield f"ptr {w.put(position, self.value, self.registers, self.runs)}"
+            return
         for first, length in passed(len(self.kinds), runs):
             number, kind = self.registers[first], self.kinds[first]
             if length:
                 yield f"ptr {w.stretch(number)}"
             else:
                 yield f"{kind} {number.ref if kind == 'ptr' else w.ref(number, kind)}"
+
+    def passed_in_memory(self) -> tuple[tuple[int, int], ...]:
+        """The runs of what is passed quickly: all of it in a row if it is long. LLVM takes long for a call with hundreds of
+        arguments, and no time for one with a few."""
+        return ((0, len(self.kinds)),) if len(self.kinds) >= RUN else ()
 
 
 class Calls(Names):
@@ -91,16 +100,16 @@ class Calls(Names):
         key = (
             function,
             tuple(each.form for each in taken),
-            tuple(() if shared else each.runs for each in taken),
+            tuple(
+                each.passed_in_memory() if self.unit.quick else () if shared else each.runs for each in taken
+            ),
         )
         made = self.unit.outlines.get(key)
         if made is None:
             made = self._part(key) if shared or self.unit.quick else self._outlined(key)
             self.unit.outlines[key] = made
         w = self.w
-        given = ", ".join(
-            word for each, runs in zip(taken, key[2], strict=True) for word in each.words(w, runs)
-        )
+        given = ", ".join(word for k, each in enumerate(taken) for word in each.words(w, key[2][k], k))
         results = kinds_in(made.result)
         if not results:
             w.do(f"call void {made.name}({given})")
