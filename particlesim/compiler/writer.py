@@ -241,11 +241,10 @@ class Writer:
 
     def ref(self, value: Any, kind: str | None = None) -> str:
         """A number as an operand, cast to `kind` if it has another."""
+        if value.__class__ is Number:
+            return value.ref if kind is None or value.kind == kind else self._cast(value, kind)
         own = kind_of(value)
-        kind = kind or own
-        if not isinstance(value, Number):
-            return constant(value, kind)
-        return value.ref if own == kind else self._cast(value, kind)
+        return constant(value, kind or own)
 
     def cast(self, value: Any, kind: str) -> Any:
         """A number in another kind; floats become integers by dropping their fraction."""
@@ -278,7 +277,7 @@ class Writer:
 
     def binary(self, name: str, a: Any, b: Any) -> Any:
         """An operation on two numbers, by the name of its node in the syntax tree."""
-        if not isinstance(a, Number) and not isinstance(b, Number):
+        if a.__class__ is not Number and b.__class__ is not Number:
             with np.errstate(all="ignore"):
                 return FOLDED[name](a, b)
         if name in COMPARISONS:
