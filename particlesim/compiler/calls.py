@@ -10,14 +10,15 @@ from typing import Any, cast
 from particlesim.compiler.names import Names
 from particlesim.compiler.unit import Outline, Part, Unit, again
 from particlesim.compiler.values import Array, Number, Unsupported, form_of, kinds_in, value_of
-from particlesim.compiler.writer import Writer
+from particlesim.compiler.writer import RUN, Writer
 
 DEEPEST = 200
 """Calls within calls; more are a recursion without end."""
 
 
 _PARTS: dict[Any, Part] = {}
-"""Shared functions that this process has written, by function, form of the arguments, and whether indices are looked at."""
+"""Functions with modules of their own that this process has written, by function, form of the arguments, whether indices
+are looked at, and whether they compile quickly."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +39,23 @@ class Taken:
     kinds: list[str]
     runs: tuple[tuple[int, int], ...]
 
-    def words(self, w: Writer, runs: tuple[tuple[int, int], ...]) -> Iterator[str]:
-        """How it is passed on: by the places of runs, and by the registers that are in none."""
+    def words(self, w: Writer, runs: tuple[tuple[int, int], ...], position: int) -> Iterator[str]:
+        """How it is passed on, at a position: by the places of runs, and by the registers that are in none. It is put
+        in memory for a run that is not there yet."""
+        if runs and runs != self.runs:
+            yield f"ptr {w.put(position, self.value, self.registers, self.runs)}"
+            return
         for first, length in passed(len(self.kinds), runs):
             number, kind = self.registers[first], self.kinds[first]
             if length:
                 yield f"ptr {w.stretch(number)}"
             else:
                 yield f"{kind} {number.ref if kind == 'ptr' else w.ref(number, kind)}"
+
+    def passed_in_memory(self) -> tuple[tuple[int, int], ...]:
+        """The runs of what is passed quickly: all of it in a row if it is long. LLVM takes long for a call with hundreds of
+        arguments, and no time for one with a few."""
+        return ((0, len(self.kinds)),) if len(self.kinds) >= RUN else ()
 
 
 class Calls(Names):
@@ -85,21 +95,21 @@ class Calls(Names):
         return result
 
     def _call_outlined(self, function: Any, arguments: list[Any]) -> Any:
-        alone = getattr(function, "shared", False)
+        shared = getattr(function, "shared", False)
         taken = [self._taken(each) for each in arguments]
         key = (
             function,
             tuple(each.form for each in taken),
-            tuple(() if alone else each.runs for each in taken),
+            tuple(
+                each.passed_in_memory() if self.unit.quick else () if shared else each.runs for each in taken
+            ),
         )
         made = self.unit.outlines.get(key)
         if made is None:
-            made = self._shared(key) if alone else self._outlined(key)
+            made = self._part(key) if shared or self.unit.quick else self._outlined(key)
             self.unit.outlines[key] = made
         w = self.w
-        given = ", ".join(
-            word for each, runs in zip(taken, key[2], strict=True) for word in each.words(w, runs)
-        )
+        given = ", ".join(word for k, each in enumerate(taken) for word in each.words(w, key[2][k], k))
         results = kinds_in(made.result)
         if not results:
             w.do(f"call void {made.name}({given})")
@@ -144,20 +154,20 @@ class Calls(Names):
         unit.bodies.append(_definition(made, body, "internal ", "noinline "))
         return made
 
-    def _shared(self, key: Any) -> Outline:
+    def _part(self, key: Any) -> Outline:
         """A function in a module of its own, which is the same for all units that call it.
 
         It is named by what is in it, so that kernels find this one and no other. It is written once in a process: other
         kernels take it as it is.
         """
-        known = (key, self.unit.checked)
+        known = (key, self.unit.checked, self.unit.quick)
         part = _PARTS.get(known)
         if part is None:
-            unit = Unit(checked=self.unit.checked)
+            unit = Unit(checked=self.unit.checked, quick=self.unit.quick)
             made, body = again(lambda: self._written(key, unit))
             text = unit.module(_definition(made, body))
             made.name = f'@"{key[0].__name__}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"'
-            part = _PARTS[known] = Part(unit.module(_definition(made, body)), made, unit)
+            part = _PARTS[known] = unit.part(made, unit.module(_definition(made, body)))
         self.unit.take_in(part)
         return part.outline
 

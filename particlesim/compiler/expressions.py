@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, cast
 
 import numpy as np
@@ -47,6 +47,10 @@ class NeedsKnown(Unsupported):
         super().__init__("a part of a tuple is chosen by a number that is only known when the kernel runs")
 
 
+METHODS: dict[type, Callable[[Any, Any], Any]] = {}
+"""How frames walk the nodes of a class, of those that came already."""
+
+
 class Expressions(Calls):
     """A frame that can compute."""
 
@@ -57,15 +61,21 @@ class Expressions(Calls):
             return self.get(node.id)
         if kind is ast.Constant:
             return node.value
-        method = getattr(self, "_" + kind.__name__, None)
-        if method is None:
-            raise Unsupported(f"{kind.__name__} is not in the language of kernels")
+        method = METHODS.get(kind) or self.method(kind)
         if kind is ast.Attribute:
-            return method(node)
+            return method(self, node)
         before, self.node = self.node, node
-        value = method(node)
+        value = method(self, node)
         self.node = before
         return value
+
+    def method(self, kind: type) -> Callable[[Any, Any], Any]:
+        """How frames walk the nodes of a class. Raises Unsupported for what is not in the language."""
+        found: Callable[[Any, Any], Any] | None = getattr(self.__class__, "_" + kind.__name__, None)
+        if found is None:
+            raise Unsupported(f"{kind.__name__} is not in the language of kernels")
+        METHODS[kind] = found
+        return found
 
     def condition(self, node: Any) -> Any:
         """A truth value, known or in a register."""

@@ -37,8 +37,8 @@ _BUSY: list[Callable[[bool], None]] = []
 _spent = 0.0
 _began = 0.0
 ENTRY = "kernel"
-LIGHT = 1 << 18
-"""Bytes of the arrays of a tuple that a kernel may keep alive after a call, to know the tuple when it comes again."""
+MOST_KEPT = 1 << 23
+"""Bytes of the arrays of tuples that a kernel may keep alive after a call, to know the tuples when they come again."""
 MOST_KNOWN = 32
 """Tuples that a kernel knows."""
 
@@ -169,13 +169,13 @@ def _format(x: Any) -> str:
 
 
 def _weight(x: Any) -> int:
-    """Bytes that an argument keeps alive; those of arrays that are stretches of something unknown are taken for many."""
+    """Bytes that an argument keeps alive; arrays that are stretches of something unknown are taken for too many."""
     if isinstance(x, tuple):
         return sum(map(_weight, x))
     if not isinstance(x, np.ndarray):
         return 0
     whole = x if x.base is None else x.base
-    return whole.nbytes if isinstance(whole, np.ndarray) else LIGHT
+    return whole.nbytes if isinstance(whole, np.ndarray) else MOST_KEPT
 
 
 @dataclass
@@ -214,7 +214,7 @@ def write(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str
     from particlesim.compiler.calls import DEEPEST
     from particlesim.compiler.unit import Unit, again
 
-    unit = Unit(checked=CHECKED)
+    unit = Unit(checked=CHECKED, quick=_quick)
     limit = sys.getrecursionlimit()
     sys.setrecursionlimit(max(limit, DEEPEST * 20))  # a call in a kernel takes a dozen calls here
     try:
@@ -263,6 +263,7 @@ class Kernel:
         self._made: dict[Any, Compiled] = {}
         self._count = function.__code__.co_argcount
         self._known: dict[int, tuple[tuple[Any, ...], Form, bytes]] = {}
+        self._kept = 0  # bytes of the arrays of known tuples
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """Run compiled; arrays are changed in place. Raises CompileError, and TypeError for what kernels do not take."""
@@ -293,11 +294,13 @@ class Kernel:
     def _get_to_know(self, x: tuple[Any, ...]) -> tuple[tuple[Any, ...], Form, bytes]:
         """Take a tuple. Neither the numbers in it change nor the places of its arrays: it is known when it comes again,
         unless that would keep much in memory."""
-        taken = _taken(x)
-        if _weight(x) < LIGHT:
-            if len(self._known) >= MOST_KNOWN:
+        taken, weight = _taken(x), _weight(x)
+        if weight < MOST_KEPT:
+            if len(self._known) >= MOST_KNOWN or self._kept + weight > MOST_KEPT:
                 self._known.clear()
+                self._kept = 0
             self._known[id(x)] = taken
+            self._kept += weight
         return taken
 
     def _compile(self, key: Any, arguments: tuple[Any, ...]) -> Compiled | None:

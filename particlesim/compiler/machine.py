@@ -59,10 +59,16 @@ def target(optimise: int = 3) -> Any:
     )
 
 
+@functools.cache
+def _translator(optimise: int) -> Any:
+    """A target that translates one module after the other: a new one takes LLVM longer than a small module."""
+    return target(optimise)
+
+
 def object_code(text: str, quick: bool = False) -> bytes:
     """Translate a module, optimised as far as LLVM can, or quickly. Raises RuntimeError when LLVM refuses it."""
     with _LOCK:
-        machine = target(0 if quick else 3)
+        machine = _translator(0 if quick else 3)
         module = tidied(text, machine) if quick else optimised(text, machine)
         return bytes(machine.emit_object(module))
 

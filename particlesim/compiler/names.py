@@ -121,9 +121,10 @@ class Names:
         """The value of a name: of the function, of what is around it, of its module, of Python."""
         if name in self.names:
             value = self.names[name]
-            if isinstance(value, Lost):
+            cls = value.__class__
+            if cls is Lost:
                 raise Unsupported(f"{name} is set in a branch that may not have run")
-            return self._read(value) if isinstance(value, Cells) else value
+            return self._read(value) if cls is Cells else value
         code, closure = self.function.__code__, self.function.__closure__
         if closure and name in code.co_freevars:
             self.unit.nameless |= self.caller is not None

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 import functools
-import hashlib
 import linecache
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,6 +15,9 @@ from types import CodeType
 from typing import Any
 
 from particlesim.compiler.values import Unsupported
+
+LAMBDA = "<lambda>"
+"""What Python calls a function without a name."""
 
 
 @dataclass(frozen=True)
@@ -28,27 +30,40 @@ class Source:
 
 
 @functools.cache
-def _file(path: str) -> tuple[str, dict[tuple[int, str], list[Any]]]:
-    """Digest of a file, and its functions by first line and name."""
-    text = "".join(linecache.getlines(path))
+def _tree(path: str) -> ast.Module:
+    """The syntax tree of a file."""
+    return ast.parse("".join(linecache.getlines(path)))
+
+
+@functools.cache
+def _functions(path: str) -> dict[tuple[int, str], list[Any]]:
+    """The functions of a file by first line and name."""
     found: dict[tuple[int, str], list[Any]] = {}
-    for node in ast.walk(ast.parse(text)):
+    statements: list[Any] = [_tree(path)]
+    for node in statements:  # expressions, most of the tree, hold no functions with a name
         if isinstance(node, ast.FunctionDef):
             first = min((each.lineno for each in node.decorator_list), default=node.lineno)
             found.setdefault((first, node.name), []).append(node)
-        elif isinstance(node, ast.Lambda):
-            found.setdefault((node.lineno, "<lambda>"), []).append(node)
-    return hashlib.sha256(text.encode()).hexdigest(), found
+        for part in ("body", "orelse", "handlers", "finalbody", "cases"):
+            inside = getattr(node, part, ())
+            statements += inside if isinstance(inside, list) else ()
+    return found
 
 
-def file_digest(path: str) -> str:
-    """SHA-256 of a source file as this process reads it."""
-    return hashlib.sha256("".join(linecache.getlines(path)).encode()).hexdigest()
+@functools.cache
+def _lambdas(path: str) -> dict[tuple[int, str], list[Any]]:
+    """The lambdas of a file by line."""
+    found: dict[tuple[int, str], list[Any]] = {}
+    for node in ast.walk(_tree(path)):
+        if isinstance(node, ast.Lambda):
+            found.setdefault((node.lineno, LAMBDA), []).append(node)
+    return found
 
 
 @functools.cache
 def _source(code: CodeType) -> Source:
-    found = _file(code.co_filename)[1].get((code.co_firstlineno, code.co_name), [])
+    functions = _lambdas if code.co_name == LAMBDA else _functions
+    found = functions(code.co_filename).get((code.co_firstlineno, code.co_name), [])
     if len(found) > 1:  # lambdas of one line: the one that holds what the code was compiled from
         columns = [column for _, _, column, _ in code.co_positions() if column]
         found = [

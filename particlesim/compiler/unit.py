@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -56,18 +57,26 @@ class Outline:
 
 @dataclass
 class Part:
-    """A shared function: the text of its module, and what went in."""
+    """A function in a module of its own: its text, packed as there may be thousands in a process, and what went in."""
 
-    text: str
+    packed: bytes
     outline: Outline
-    unit: Unit
+    parts: dict[str, Part]
+    modules: set[str]
+    numbers: set[tuple[str, str]]
+    nameless: bool
+
+    @property
+    def text(self) -> str:
+        """The text of the module."""
+        return zlib.decompress(self.packed).decode()
 
 
 @dataclass
 class Unit:
-    """All that is compiled together: one kernel, or one shared function, with the functions that it calls by themselves.
+    """All that is compiled together: one kernel, or one function in a module of its own, with the functions that it calls.
 
-    `parts` are the shared functions that it calls, which are compiled by themselves.
+    `parts` are those of them that have modules of their own: the shared ones, or all where kernels are to compile quickly.
     """
 
     declared: dict[str, str] = field(default_factory=dict)
@@ -80,6 +89,7 @@ class Unit:
     numbers: set[tuple[str, str]] = field(default_factory=set)
     count: int = 0
     checked: bool = False  # indices are looked at
+    quick: bool = False  # nothing is optimised across functions: all that are outlined are parts
     nameless: bool = False  # functions took something from around them, that no name tells to other processes
 
     def learn(self, key: Any, value: Any) -> None:
@@ -87,14 +97,19 @@ class Unit:
         self.learned[key] = value
         raise Again
 
+    def part(self, outline: Outline, text: str) -> Part:
+        """What was compiled here, for units that call it."""
+        packed = zlib.compress(text.encode(), 1)
+        return Part(packed, outline, self.parts, self.modules, self.numbers, self.nameless)
+
     def take_in(self, part: Part) -> None:
-        """Call a shared function: what went into it has gone into this unit."""
-        made, other = part.outline, part.unit
+        """Call a function of another module: what went into it has gone into this unit."""
+        made = part.outline
         self.declared[made.name] = f"declare {made.type} {made.name}({', '.join(made.parameters)}) nounwind"
-        self.parts |= {made.name: part} | other.parts
-        self.modules |= other.modules
-        self.numbers |= other.numbers
-        self.nameless |= other.nameless
+        self.parts |= {made.name: part} | part.parts
+        self.modules |= part.modules
+        self.numbers |= part.numbers
+        self.nameless |= part.nameless
 
     def module(self, function: str) -> str:
         """The text of the module that holds this function and all that it calls."""

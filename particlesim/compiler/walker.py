@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 from typing import Any
 
-from particlesim.compiler.expressions import Expressions, Lanes, NeedsKnown, Sequence, check_known
+from particlesim.compiler.expressions import METHODS, Expressions, Lanes, NeedsKnown, Sequence, check_known
 from particlesim.compiler.names import Cells, Lost, merged, same, shape_of
 from particlesim.compiler.unit import CompileError
 from particlesim.compiler.values import Number, Unsupported, form_of, words
@@ -61,10 +61,8 @@ class Frame(Expressions):
     def statement(self, node: Any) -> bool:
         """Walk a statement; whether nothing after it is reached."""
         before, self.node = self.node, node
-        method = getattr(self, f"_{type(node).__name__}", None)
-        if method is None:
-            raise Unsupported(f"{type(node).__name__} is not in the language of kernels")
-        ended = bool(method(node))
+        kind = type(node)
+        ended = bool((METHODS.get(kind) or self.method(kind))(self, node))
         self.node = before
         return ended
 

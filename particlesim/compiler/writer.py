@@ -92,6 +92,8 @@ class Writer:
         self.fast = FAST
         self.memory: dict[str, tuple[str, int, str]] = {}
         self.known: dict[int, Any] = {}
+        self.rooms: dict[tuple[int, int], str] = {}
+        self.full: dict[str, tuple[Block, Any]] = {}
         self.start = self.block("start")
         self.at = self.start
 
@@ -200,15 +202,49 @@ class Writer:
         base, slot, _ = self.memory[first.ref]
         return self.emit(f"getelementptr inbounds i64, ptr {base}, i64 {slot}") if slot else base
 
+    def put(self, position: int, value: Any, registers: list[Any], runs: tuple[tuple[int, int], ...]) -> str:
+        """Put registers in a row in memory, as `taken` takes them, for an argument at this position of a call; the place.
+
+        `runs` tells which of them are in a row elsewhere. Other calls use the room again; what this block has put there last
+        is there still.
+        """
+        room = self.rooms.get((position, len(registers)))
+        if room is None:
+            room = self.rooms[position, len(registers)] = self.place("i64", len(registers))
+        block, known = self.full.get(room, (None, None))
+        if block is self.at and known is value:
+            return room
+        ahead, k = dict(runs), 0
+        while k < len(registers):
+            place = self.emit(f"getelementptr inbounds i64, ptr {room}, i64 {k}")
+            if length := ahead.get(k, 0):
+                self.declared["llvm.memcpy"] = "declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)"
+                source = self.stretch(registers[k])
+                self.do(
+                    f"call void @llvm.memcpy.p0.p0.i64(ptr {place}, ptr {source}, i64 {8 * length}, i1 false)"
+                )
+            else:
+                self._hold(registers[k], place)
+            k += length or 1
+        self.full[room] = self.at, value
+        return room
+
+    def _hold(self, value: Any, place: str) -> None:
+        """Write a number, or a pointer, to eight bytes."""
+        if isinstance(value, Number) and value.kind == "ptr":
+            self.do(f"store ptr {value.ref}, ptr {place}")
+            return
+        held = HELD.get(kind := kind_of(value), kind)
+        self.do(f"store {held} {self.ref(value, held)}, ptr {place}")
+
     # Numbers
 
     def ref(self, value: Any, kind: str | None = None) -> str:
         """A number as an operand, cast to `kind` if it has another."""
+        if value.__class__ is Number:
+            return value.ref if kind is None or value.kind == kind else self._cast(value, kind)
         own = kind_of(value)
-        kind = kind or own
-        if not isinstance(value, Number):
-            return constant(value, kind)
-        return value.ref if own == kind else self._cast(value, kind)
+        return constant(value, kind or own)
 
     def cast(self, value: Any, kind: str) -> Any:
         """A number in another kind; floats become integers by dropping their fraction."""
@@ -241,7 +277,7 @@ class Writer:
 
     def binary(self, name: str, a: Any, b: Any) -> Any:
         """An operation on two numbers, by the name of its node in the syntax tree."""
-        if not isinstance(a, Number) and not isinstance(b, Number):
+        if a.__class__ is not Number and b.__class__ is not Number:
             with np.errstate(all="ignore"):
                 return FOLDED[name](a, b)
         if name in COMPARISONS:
