@@ -1,4 +1,4 @@
-"""Particles between random colliders: none is ever on the wrong side, and none gains energy.
+"""Particles between random colliders: none is ever on the wrong side, none has crossed one, and none gains energy.
 
     python tests/fuzz/fuzz_contact.py [--particle-steps 1e8] [--seed 0] [--particles 1024] [--only mesh] [--method …]
         [--hypothesis]
@@ -325,7 +325,7 @@ def broken_in_scene(
         x, v = x[among], v[among]
     if not len(x):
         return name, 0, []
-    c = columns(x, v, radius=radius, method=method)
+    c = columns(x, v, radius=radius, method=method)._replace(missed=np.zeros(len(x), np.int64))
     size = max(each.reach() for each in scene.colliders)
     records = [each.record() for each in scene.colliders]
     shapes = closed([each.shape for each in records], size, np.dtype(float))
@@ -356,6 +356,8 @@ def broken_in_scene(
         if run(stepped, c, 1, h, first_step=k).any():
             wrong.append(f"{name}, {seed}, step {k}: not finite")
             break
+        wrong += [f"{name}, {seed}, step {k}: particle {i} crossed" for i in np.flatnonzero(c.missed)[:3]]
+        c.missed[:] = 0
         deep = gaps(scene, position(c), radius, (k + 1) * h)
         if scene.moves:  # what is pushed may become faster
             reach = np.maximum(reach, scene.noise * (7 + h * np.abs(velocity(c)).max(axis=1)))

@@ -12,7 +12,7 @@ from particlesim.colliders.way import place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.contacts import MANY, Careful, Simple, by_calls, farther, nowhere
-from particlesim.laws.registry import apart, first_contact, gap, moved_to, normal
+from particlesim.laws.registry import apart, bend, first_contact, gap, moved_to, normal
 
 EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
 """The rounding error of 1 in each precision."""
@@ -157,8 +157,8 @@ def thin(contacts: Any) -> Any:
 
 @outlined
 def passed(contacts: Any, p: Any, q: Any, h: Any) -> int:
-    """How many continuous colliders a step of h from p to q, with impacts on the way or none, has led through for sure: both
-    ends are outside, on opposite sides, and no way around the rim is as short as the particle came."""
+    """How many convex continuous colliders a step of h from p to q, with impacts on the way or none, has led through for
+    sure: both ends are outside, on opposite sides, and no way around the rim is as short as the particle came."""
     number = 0
     slack = _noise(p, q, h)
     for c in thin(by_calls(contacts)):
@@ -166,7 +166,8 @@ def passed(contacts: Any, p: Any, q: Any, h: Any) -> int:
         if isinstance(c.shape, MovingRecord):
             a, e, still = ride(c.shape, p), ride(c.shape, q), at_rest(c)
         begin = straight(a, e, h)
-        if gap(still, a) >= -slack and gap(still, e) > slack and not apart(still, begin, e, h, slack):
+        outside = bend(still.shape) > 0 and gap(still, a) >= -slack and gap(still, e) > slack
+        if outside and not apart(still, begin, e, h, slack):
             s = first_contact(still, begin, e, h, slack)
             there = place_on(way_of(begin, e, h), begin, s)
             if s < 1 and opposite(still, a, e) and _wide(still, a, e, there, h):
@@ -178,18 +179,23 @@ def passed(contacts: Any, p: Any, q: Any, h: Any) -> int:
 def _wide(c: Any, p: Any, q: Any, there: Any, h: Any) -> bool:
     """Whether a thin collider reaches so far around a place of the straight way from p to q that a particle cannot have gone
     around it in a time h. A way of length L between places at a distance d comes no farther than b = √(L² − d²)/2 from the
-    line between them, and a convex sheet that holds four places at √2 b from there, crosswise, holds all of that circle."""
+    line between them; in the plane of the sheet, to which that is inclined, b over the cosine. A convex solid that holds
+    four places at √2 times that, crosswise, holds all of the circle."""
     one, zero = type_of(h, 1), p.x - p.x
     nx, ny, nz = (zero if axis is None else axis for axis in normal(c, p))
     dx, dy, dz = q.x - p.x, q.y - p.y, q.z - p.z
     fast = max(p.vx * p.vx + p.vy * p.vy + p.vz * p.vz, q.vx * q.vx + q.vy * q.vy + q.vz * q.vz)
     most = type_of(h, LONGER) * h * h * fast
-    far = np.sqrt(max(most - (dx * dx + dy * dy + dz * dz), zero) / 2)
+    way = dx * dx + dy * dy + dz * dz
+    across = abs(dx * nx + dy * ny + dz * nz)
+    far = np.sqrt(max(most - way, zero) * way / 2) / across
+    if not across > 0:
+        return False
     lies = abs(ny) < type_of(h, 0.5)
     ux, uy, uz = (nz if lies else -ny, zero if lies else nx, -nx if lies else zero)
     k = far / np.sqrt(ux * ux + uy * uy + uz * uz)
     ux, uy, uz = k * ux, k * uy, k * uz
-    near, holds = far / 8 + _noise(p, q, h), True
+    near, holds = far / 64 + _noise(p, q, h), True
     for turn in range(4):
         i, j = (one if turn < 2 else -one), (one if turn % 2 == 0 else -one)
         x = i * ux + j * (ny * uz - nz * uy)
