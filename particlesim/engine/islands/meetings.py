@@ -5,13 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import takewhile
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from particlesim.colliders.response import STEADY
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.base import BaseIsland
+from particlesim.engine.rigid.touching import Touching, no_contact
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.model.arrays import Floats, Ints
@@ -22,21 +23,6 @@ if TYPE_CHECKING:
     from particlesim.engine.islands.rigid import RigidIsland
 
 # What steps bodies is imported where there are some.
-
-
-class Surfaces(NamedTuple):
-    """The contact of a group of particles, by group of bodies [groups]: whether they touch, restitution, static and kinetic
-    friction; the speed of impacts above which restitution falls [m/s], and how fast; rolling friction, and 1 where all
-    sides are flat."""
-
-    touch: Floats
-    restitution: Floats
-    static: Floats
-    kinetic: Floats
-    speed: Floats
-    exponent: Floats
-    rolling: Floats
-    flat: Floats
 
 
 class Meetings:
@@ -50,13 +36,13 @@ class Meetings:
         self._islands = {
             state.name: island for island in islands for state in island.states if island is not self._bodies
         }
-        self._surfaces: dict[str, Surfaces] = {}
+        self._surfaces: dict[str, Touching] = {}
         self._states: list[GroupState] = []
         names = [state.name for state in self._bodies.states] if self._bodies is not None else []
         flat = {body.name: float(body.shape.all_flat()) for body in scenario.bodies}
         for each in meetings_of(scenario):
             if each.particles not in self._surfaces:
-                self._surfaces[each.particles] = Surfaces(*np.zeros((8, len(names))))
+                self._surfaces[each.particles] = no_contact(len(names))
                 self._states.append(next(state for state in states if state.name == each.particles))
             falls, rolls = each.falling or STEADY, (each.rolling, flat[each.bodies])
             law = (1.0, each.restitution, *each.friction, *falls, *rolls)
@@ -66,7 +52,7 @@ class Meetings:
         self._tied, self._held = ({}, {}) if ties is None else (ties.rows, ties.held)
         for name in self._tied:
             if name not in self._surfaces:
-                self._surfaces[name] = Surfaces(*np.zeros((8, len(names))))
+                self._surfaces[name] = no_contact(len(names))
                 self._states.append(next(state for state in states if state.name == name))
         self._chosen: list[tuple[GroupState, Ints]] = []
         self._worked: list[float] = []

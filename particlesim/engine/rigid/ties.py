@@ -22,6 +22,7 @@ import numpy as np
 
 from particlesim.engine.rigid.spring_layout import Laid
 from particlesim.engine.rigid.springs import BodySprings
+from particlesim.engine.rigid.touching import Touching
 from particlesim.engine.rigid.visit import Visitors, among
 from particlesim.engine.state.group_state import GroupState
 from particlesim.errors import UsageError
@@ -71,7 +72,11 @@ class Ties:
         rows = self.held if held else self.rows
         chosen = [(self._states[name], mine) for name, mine in rows.items()]
         number = sum(map(len, rows.values()))
-        nothing = np.zeros((6, len(chosen), 1)), np.zeros((6, number)), number if held else 0
+        nothing = (
+            np.zeros((len(Touching._fields), len(chosen), 1)),
+            np.zeros((6, number)),
+            number if held else 0,
+        )
         return among(chosen, *nothing, np.ones(number, np.int64))
 
     def on_rods(self) -> list[tuple[GroupState, Ints]]:

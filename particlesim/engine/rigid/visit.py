@@ -64,7 +64,8 @@ def among(
     held: int,
     tied: Ints,
 ) -> Visitors:
-    """Some rows of groups as visitors, with what contact of each group does [8, kinds, groups of bodies], and `load`, which
+    """Some rows of groups as visitors, with what contact of each group does, as `Touching`
+    [fields, kinds, groups of bodies], and `load`, which
     is `gain` and `beyond` [6, n]."""
     parts = []
     for kind, (state, rows) in enumerate(chosen):
