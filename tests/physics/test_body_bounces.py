@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import G, table
+from simulate import G, simulate, table
 
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
@@ -68,3 +68,22 @@ def test_hops_of_bodies_have_the_heights_of_their_restitution(
     most = G * h**2 / 8 * (1 / (1 - e**2) if e < 1 else 1)
     assert error.max() <= most
     assert min(y) >= -1e-9
+
+
+@pytest.mark.parametrize("h", [5e-4, 2e-3])
+def test_a_row_of_elastic_dice_hands_on_a_velocity(h: float) -> None:
+    # The face of each comes exactly to the next one at the end of a step, but for rounding: its corners hit together.
+    dice = {
+        "name": "dice",
+        "shape": {"type": "box", "size": [0.1, 0.1, 0.1]},
+        "mass": 1.0,
+        "restitution": 1.0,
+        "friction": 0.0,
+        "layout": {
+            "type": "points",
+            "position": [[0, 0, 0], [0.5, 0, 0], [1.0, 0, 0]],
+            "velocity": [[2, 0, 0], [0, 0, 0], [0, 0, 0]],
+        },
+    }
+    final = simulate(0.6, h, bodies=[dice]).final
+    np.testing.assert_allclose(final.velocity, [[0, 0, 0], [0, 0, 0], [2, 0, 0]], atol=1e-6)

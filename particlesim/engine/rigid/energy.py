@@ -11,7 +11,7 @@ from particlesim.engine.rigid.bodies import WORLD
 from particlesim.engine.rigid.clusters import root, unite
 from particlesim.engine.rigid.contact_rows import speed_along
 from particlesim.engine.rigid.narrow import clamped
-from particlesim.engine.rigid.stops import MOTOR
+from particlesim.engine.rigid.stops import MOTOR, turn_rate
 
 LIES = -1.0
 """In place of the time at which a kick counts as given: not at all, as the body lies on something."""
@@ -61,7 +61,8 @@ def of_time(b: Any, k: Any, motion: Any, c: Any, h: Any) -> float:
 @outlined
 def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
     """Whether some set of bodies that touch each other gains energy in a step of h; `gain` is that of each, at the body that
-    stands for it. Surfaces that run and motors may give energy: what they touch or turn counts as not gaining."""
+    stands for it. Surfaces that run may give energy: what they touch counts as not gaining. The work of a motor is
+    its own, up to that at the speed which it is to have: a brake does none that is positive."""
     parent, gain = motion.parent, motion.gain
     for i in range(b.w.size):
         parent[i] = i
@@ -84,8 +85,11 @@ def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
     for c in range(k.number[0]):
         gain[root(parent, k.first[c])] -= of_time(b, k, motion, c, h)
     for c in range(k.number[0]):
-        runs = k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
-        if runs or k.turns[c] == MOTOR:
+        if k.turns[c] == MOTOR:
+            mean = 0.5 * (turn_rate(k, motion.start, c) + turn_rate(k, motion.now, c))
+            gain[root(parent, k.first[c])] -= min(k.impulse[c, 0] * mean, k.impulse[c, 0] * k.aim[0, c])
+    for c in range(k.number[0]):
+        if k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0:
             gain[root(parent, k.first[c])] = -np.inf
     gained = False
     for i in range(b.w.size):

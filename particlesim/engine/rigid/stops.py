@@ -140,10 +140,15 @@ def motor_work(k: Any, means: Any) -> float:
     total = 0.0
     for c in range(k.number[0]):
         if k.turns[c] == MOTOR:
-            e, m = k.rows[c, 0], means[k.first[c]]
-            u = e[3] * m[3] + e[4] * m[4] + e[5] * m[5]
-            if k.second[c] != WORLD:
-                m = means[k.second[c]]
-                u -= e[6] * m[3] + e[7] * m[4] + e[8] * m[5]
-            total += k.impulse[c, 0] * u
+            total += k.impulse[c, 0] * turn_rate(k, means, c)
     return total
+
+
+def turn_rate(k: Any, velocities: Any, c: Any) -> Any:
+    """How fast the bodies of a contact that turns them turn against each other, with some velocities [n, 6 or more]."""
+    e, m = k.rows[c, 0], velocities[k.first[c]]
+    u = e[3] * m[3] + e[4] * m[4] + e[5] * m[5]
+    if k.second[c] != WORLD:
+        m = velocities[k.second[c]]
+        u -= e[6] * m[3] + e[7] * m[4] + e[8] * m[5]
+    return u

@@ -23,8 +23,8 @@ from particlesim.engine.rigid.manifold import SPAN
 from particlesim.engine.rigid.narrow import minus, plus
 from particlesim.engine.rigid.rotation import angular_velocity, cross, dot
 
-ALLOWED = 1.05
-"""The speed of what turns around before a wall may be this many times that with which it comes up to it."""
+ALLOWED = 0.1
+"""By which part the speed of what turns around before a wall may be above that with which it comes up to it."""
 
 MORE = 2.0
 """Its speed after a kick, in units of that before, at most: what forces alone drive does not swing."""
@@ -58,7 +58,10 @@ def room_at(k: Any, c: Any, before: Any, free: Any, h: Any) -> Any:
     """The speed with which a contact may close within a step of h without touching. Its speed is `before` the kick of forces
     and `free` after it; what turns around is faster, and so turns faster, in proportion."""
     gap, swing = max(k.gap[c], 0.0), k.swing[c]
-    if swing > 0 and 2 * gap < swing * h * h:
-        more = free / before if free < before < 0 else 1.0
-        return ALLOWED * min(more, MORE) * np.sqrt(2 * swing * gap)
-    return gap / h + 0.5 * swing * h
+    if swing > 0:
+        more = min(free / before, MORE) if free < before < 0 else 1.0
+        turn = 0.5 * swing * more * more * h
+        if turn * h > gap:
+            return (1 + ALLOWED) * np.sqrt(4 * turn / h * gap)
+        return (1 + ALLOWED * turn * h / gap) * (gap / h + turn)
+    return gap / h
