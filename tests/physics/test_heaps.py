@@ -75,11 +75,12 @@ def test_deep_heaps_come_to_rest(contact: dict[str, Any]) -> None:
     assert (state.position[:, 1] - R).min() > -1e-12
 
 
-@pytest.mark.parametrize(("step", "sinks"), [(DT, False), (4 * DT, False), (20 * DT, True)])
-def test_they_keep_their_height_and_tell_if_they_sink(step: float, sinks: bool) -> None:
-    # 24 layers, in steps in which they fall by 1e-4, 1.6e-3, and 0.04 of a radius.
+@pytest.mark.parametrize(("step", "tells"), [(DT, False), (4 * DT, False), (20 * DT, True)])
+def test_they_keep_their_height_or_tell(step: float, tells: bool) -> None:
+    # 24 layers, in steps in which they fall by 1e-4, 1.6e-3, and 0.04 of a radius. They come down swiftly then, and have so
+    # many impacts in a step that some wait for its end.
     told = ps.run(ps.from_table(heap(24, 1.6, step))).warnings
-    assert any("sunk" in text for text in told) == sinks
+    assert any("sunk" in text or "stayed" in text for text in told) == tells
 
 
 @pytest.mark.parametrize("restitution", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])

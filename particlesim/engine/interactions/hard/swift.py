@@ -31,6 +31,7 @@ from particlesim.engine.interactions.hard.ways import (
     ENDS,
     FOLLOWED,
     HIT,
+    IMPACTS,
     LAW,
     LIES,
     PARTNER,
@@ -51,6 +52,8 @@ from particlesim.engine.interactions.hard.ways import (
 )
 from particlesim.engine.state.columns import type_of
 
+ANEW = 2
+"""For HIT: that a particle has been followed anew, and nobody has hit it."""
 MOST_LAPS = 1000
 """Laps into which a step is cut at most."""
 
@@ -138,16 +141,16 @@ def choose(f: Any, alone: bool, h: Any) -> int:
 
 def follow_anew(f: Any, alone: bool, parts: Any, c: Any, t: Any, h: Any) -> None:
     """Have swift particles that colliders have thrown back more than once in the step, on ways that are not known, take them
-    again, from impact to impact on colliders. They end where these lead."""
+    again, from impact to impact on colliders. They end where these lead if there is more than one."""
     w = f.ways
     for i in range(w.light.size):
         if (w.what[FOLLOWED, i] > 0) & is_unknown(w, i, alone):
             begun = begin_anew(w, i, h)
             find_wall(w, parts, c, i, t, h)
-            if (w.what[THROWN, i] != COLLIDER) & (w.when[WALL, i] == np.inf):
+            if (w.what[THROWN, i] != COLLIDER) & (w.when[WALL, i] > w.when[ENDS, i]):
                 begin_as_before(w, i, begun)
             else:
-                w.what[THROWN, i], w.what[HIT, i] = COLLIDER, 1
+                w.what[THROWN, i], w.what[HIT, i] = COLLIDER, ANEW
 
 
 def moved_by(x: Any, part: Any, y: Any) -> Any:
@@ -258,6 +261,9 @@ def conclude_ways(w: Any, c: Any, before: Any) -> None:
     """Give all that have been hit their places and velocities. In `before` they get the velocities with which they would
     have come to these without impacts, so that what comes after does not take impacts for forces."""
     for i in range(w.light.size):
+        if (w.what[HIT, i] == ANEW) & (w.light[i] > 0):
+            # one rebound is its method's own, which knows how forces bend the way
+            w.what[HIT, i] = 1 if w.what[IMPACTS, i] > 1 else 0
         if (w.what[HIT, i] > 0) & (w.light[i] > 0):
             now, w.number[STRUCK] = place_at(w, i, w.when[ENDS, i]), 1
             for axis, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
