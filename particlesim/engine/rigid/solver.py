@@ -114,7 +114,7 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
         lies_under = not k.late[0, c] > 0 and k.late[3, c] != 0
         free = now + k.late[3, c] if lies_under else now
         room = room_at(k, c, before, free, h)
-        meets = free < -(1 - TIED) * room
+        meets = free < -room * (1 - TIED if k.surface[0, c] > 0 else 1.0)
         quick = before < -RESTING * abs(free - before + h * own)
         rebound = -restitution_at(k, c, -before) * before
         e = k.surface[0, c] if k.falls is None else restitution_at(k, c, speed_there(before, free, gap, h))
