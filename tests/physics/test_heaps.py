@@ -75,7 +75,10 @@ def test_deep_heaps_come_to_rest(contact: dict[str, Any]) -> None:
     assert (state.position[:, 1] - R).min() > -1e-12
 
 
-@pytest.mark.parametrize(("step", "tells"), [(DT, False), (4 * DT, False), (20 * DT, True)])
+@pytest.mark.parametrize(
+    ("step", "tells"),
+    [(DT, False), (4 * DT, False), pytest.param(20 * DT, True, marks=pytest.mark.slow)],
+)
 def test_they_keep_their_height_or_tell(step: float, tells: bool) -> None:
     # 24 layers, in steps in which they fall by 1e-4, 1.6e-3, and 0.04 of a radius. They come down swiftly then, and have so
     # many impacts in a step that some wait for its end.
