@@ -51,8 +51,9 @@ def brace(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> bool:
             found = True
             k.braced[c] = 1
             for d in range(3):
-                part = left[0] if d == 0 else (left[1] if d == 1 else left[2])
-                k.rows[c, d, 15] = 1 / (free_give(b, k, c, d) * max(part, HELD))
+                part, give = left[0] if d == 0 else (left[1] if d == 1 else left[2]), free_give(b, k, c, d)
+                if give > 0:  # what only turns bodies has fewer directions
+                    k.rows[c, d, 15] = 1 / (give * max(part, HELD))
             if left[0] < HELD:
                 k.target[c] = -np.inf
     return found

@@ -2,8 +2,8 @@
 particle the first in a step, where it is hit the hardest.
 
 What closes faster than forces bring about in two steps is an impact (`solver.aim`), of two also than they do on each; what
-lies has none. Impacts count as in
-the middle of a step, where impulses act, those of swift bodies and of particles that come from afar at their time.
+lies has none. Impacts count as in the middle of a step, where impulses act, those of swift bodies and of particles that come
+from afar at their time.
 """
 
 from __future__ import annotations
