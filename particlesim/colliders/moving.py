@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler import exact
+from particlesim.compiler import exact, often
 from particlesim.laws.registry import (
     Particle,
     Vector,
@@ -64,6 +64,7 @@ class Frame(NamedTuple):
     rows: Any
 
 
+@often
 @exact
 def frame_at(c: MovingRecord, t: Any, like: Any) -> Frame:
     """The frame of a collider at a time, in the precision of `like`: the same to the last bit wherever it is asked for, as

@@ -225,7 +225,7 @@ def _elementary(function: Callable[..., float], other: Any) -> None:
         if not any(isinstance(each, Number) for each in values):
             return function(*(float(each) for each in values))
         single = all(kind_of(each) == "float" for each in values)
-        result = frame.inline(function, [frame.w.cast(each, "double") for each in values], {})
+        result = frame.call(function, [frame.w.cast(each, "double") for each in values], {})
         return frame.w.cast(result, "float") if single else result
 
     RULES[other] = emit

@@ -73,7 +73,7 @@ class Calls(Names):
         if isinstance(function, type):
             return function(*arguments, **keywords)
         function = getattr(function, "python", function)
-        if getattr(function, "outlined", False) and self.function is not function:
+        if self._is_called(function, arguments):
             return self._call_outlined(function, arguments)
         if hasattr(function, "__code__"):
             return self.inline(function, arguments, keywords)
@@ -82,6 +82,20 @@ class Calls(Names):
                 f"{getattr(function, '__name__', function)!r} is not in the language of kernels"
             )
         return function(*arguments, **keywords)
+
+    def _is_called(self, function: Any, arguments: list[Any]) -> bool:
+        """Whether the kernel calls a function instead of holding its instructions."""
+        if self.function is function:
+            return False
+        if getattr(function, "outlined", False):
+            return True
+        alike = self.w.fast or getattr(function, "exact", False)  # rounded as where it is by itself
+        return bool(
+            self.unit.quick
+            and getattr(function, "often", False)
+            and alike
+            and not all(isinstance(each, int | float) for each in arguments)
+        )
 
     def inline(self, function: Any, arguments: list[Any], keywords: dict[str, Any]) -> Any:
         """The result of a function whose instructions are written here."""

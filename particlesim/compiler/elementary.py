@@ -18,7 +18,17 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.compiler.intrinsics import bits_of, copysign, exact, floor, fma, nearest, number_of, sqrt
+from particlesim.compiler.intrinsics import (
+    bits_of,
+    copysign,
+    exact,
+    floor,
+    fma,
+    nearest,
+    number_of,
+    often,
+    sqrt,
+)
 from particlesim.compiler.polynomials import ASIN, ATAN, ATANH, COS, EXP, SIN, SINH
 from particlesim.compiler.roots import polynomial
 
@@ -105,12 +115,14 @@ def exp_of_sum(x: float, rest: float) -> float:
     return scaled(one + (lost + q), k)
 
 
+@often
 @exact
 def exp(x: float) -> float:
     """eˣ, within 0.53 ulp; 0.76 where the result is subnormal."""
     return exp_of_sum(x, 0.0)
 
 
+@often
 @exact
 def expm1(x: float) -> float:
     """eˣ − 1, also for small x, within 0.62 ulp: half of it is (s − ½) + s g + s q with s = 2ᵏ⁻¹."""
@@ -140,6 +152,7 @@ def exponent_and_mantissa(x: float) -> Pair:
     return (e - 54.0 if subnormal else e), number_of((bits & FRACTION_BITS) + ROOT_HALF_BITS)
 
 
+@often
 @exact
 def log(x: float) -> float:
     """Natural logarithm within 0.65 ulp.
@@ -178,6 +191,7 @@ def log_pair(x: float) -> Pair:
     return fast_two_sum(high, rest + fma(e, LN2_LOW, 2.0 * half_rest))
 
 
+@often
 @exact
 def power(x: float, y: float) -> float:
     """xʸ within 0.55 ulp; 0.76 where the result is subnormal.
@@ -247,6 +261,7 @@ def circle(n: int, r: float, rest: float) -> float:
     return -y if (n & 2) != 0 else y
 
 
+@often
 @exact
 def sin(x: float) -> float:
     """Sine within 0.72 ulp; for large x see `quadrant`."""
@@ -255,6 +270,7 @@ def sin(x: float) -> float:
     return x if abs(x) < TINY else y
 
 
+@often
 @exact
 def cos(x: float) -> float:
     """Cosine within 0.72 ulp; for large x see `quadrant`."""
@@ -262,6 +278,7 @@ def cos(x: float) -> float:
     return circle(n + 1, r, rest)
 
 
+@often
 @exact
 def tan(x: float) -> float:
     """Tangent within 0.9 ulp: sine by cosine, or minus cosine by sine."""
@@ -288,6 +305,7 @@ def added_eighths(k: float, v: float, rest: float) -> float:
     return high + (lost + fma(k, PI_4_LOW, rest))
 
 
+@often
 @exact
 def atan2(y: float, x: float) -> float:
     """Angle of the point (x, y), in [−π, π], with the sign of y.
@@ -322,6 +340,7 @@ def atan2(y: float, x: float) -> float:
     return angle if (x == x) & (y == y) else NAN
 
 
+@often
 @exact
 def atan(x: float) -> float:
     """Arc tangent within 0.67 ulp."""
@@ -339,6 +358,7 @@ def half_arc(x: float) -> tuple[bool, float, float]:
     return near, s, fma(s * z, polynomial(z, ASIN), fma(0.5 * z, lost, lost))
 
 
+@often
 @exact
 def asin(x: float) -> float:
     """Arc sine within 0.67 ulp; NaN for |x| > 1."""
@@ -347,6 +367,7 @@ def asin(x: float) -> float:
     return copysign(added_eighths(0.0 if near else 2.0, factor * s, factor * rest), x)
 
 
+@often
 @exact
 def acos(x: float) -> float:
     """Arc cosine within 0.67 ulp; NaN for |x| > 1."""
@@ -378,6 +399,7 @@ def half_hyperbolic(a: float) -> tuple[Pair, Pair]:
     return (s, s_rest), (c, c_rest + (rest + down * i_rest))
 
 
+@often
 @exact
 def sinh(x: float) -> float:
     """Hyperbolic sine within 0.65 ulp."""
@@ -385,6 +407,7 @@ def sinh(x: float) -> float:
     return x if abs(x) < TINY else copysign(2.0 * (s + rest), x)
 
 
+@often
 @exact
 def cosh(x: float) -> float:
     """Hyperbolic cosine within 0.55 ulp."""
@@ -392,6 +415,7 @@ def cosh(x: float) -> float:
     return 2.0 * (c + rest)
 
 
+@often
 @exact
 def tanh(x: float) -> float:
     """Hyperbolic tangent within 0.62 ulp."""
@@ -401,6 +425,7 @@ def tanh(x: float) -> float:
     return x if a < TINY else copysign(q + rest, x)
 
 
+@often
 @exact
 def modulo(x: float, y: float) -> float:
     """x − y ⌊x/y⌋, with the sign of y: exact, or rounded once where it crosses 0; 0 for |x/y| ≥ 2⁵³; NaN for y = 0."""

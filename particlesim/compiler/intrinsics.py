@@ -69,6 +69,12 @@ def shared(function: F) -> F:
     return outlined(function)
 
 
+def often(function: F) -> F:
+    """Marks a function that kernels hold in many places: those that compile quickly call it, which is sooner written."""
+    function.often = True  # type: ignore[attr-defined]
+    return function
+
+
 def on_stack(rows: int, columns: int, dtype: Any) -> NDArray[Any]:
     """An array of shape [rows, columns], both known, that lives as long as the kernel runs; its numbers are arbitrary.
 

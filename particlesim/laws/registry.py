@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
+from particlesim.compiler.intrinsics import often
 from particlesim.model.attributes import FURTHER
 
 Record = tuple[Any, ...]
@@ -121,6 +122,7 @@ def generic(size: int) -> Callable[[F], F]:
     return declare
 
 
+@often
 def evaluate(generic: Callable[..., Any], record: Record, p: Any) -> Any:
     """A generic of a record, or the sum over a plain tuple of records; zeros in the precision of the particle.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -104,6 +105,7 @@ class RigidIsland(BaseIsland):
         owner = np.repeat(np.arange(len(groups)), [state.count for state in self.states])
         self._still = still_of(groups, owner)
         self._shapes = tuple(group.shape for group in groups)
+        self._seen: tuple[tuple[Any, ...], Bodies] | None = None
         self._motion = new_motion(count)
         offset = dict(zip((group.name for group in groups), self._joined.bounds, strict=False))
         held = held_rows(scenario, particles)
@@ -133,7 +135,7 @@ class RigidIsland(BaseIsland):
         self.kept_from = 0
         self._party: tuple[Bodies, Scene, Motion] | None = None
         self._asked = False
-        self.watch, self.tired = np.zeros(count, np.int64), np.zeros(1, np.int64)
+        self.watch, self.tired = self._scene.swift.watch, self._scene.swift.tired
         """Which bodies have been swift, and how often they met more in half a step than is followed (`swift`)."""
         self.visitors: Visitors | None = None
         """Particles that make the next step among the bodies."""
@@ -150,10 +152,13 @@ class RigidIsland(BaseIsland):
             self._close()
 
     def bodies(self) -> Bodies:
-        """The bodies as kernels take them."""
+        """The bodies as kernels take them: the same tuple as long as they have the same arrays, which kernels know again."""
         whole = self._joined.whole
-        n = whole.count
-        return Bodies(whole.x[:, :n], whole.v[:, :n], whole.turn[:, :n], whole.spin[:, :n], *self._still)
+        arrays, n = (whole.x, whole.v, whole.turn, whole.spin), whole.count
+        seen = self._seen
+        if seen is None or n != seen[1].w.size or any(map(operator.is_not, arrays, seen[0])):
+            seen = self._seen = arrays, Bodies(*(each[:, :n] for each in arrays), *self._still)
+        return seen[1]
 
     def _close(self) -> None:
         """Close all joints at the start, where ends miss each other by rounding and lengths by a little."""
@@ -215,10 +220,10 @@ class RigidIsland(BaseIsland):
             fault = self._receive(first, self.visitors)
             self._gather()
             return None, None, fault
-        done, report, scene = first, np.zeros(2), self._booking()
+        done, report = first, np.zeros(2)
         while done < last:
             now = (self.bodies(), self._contacts, self._motion, self.memory)
-            done += step_bodies(scene, *now, done, last - done, self.dt, report)
+            done += step_bodies(self._scene, *now, done, last - done, self.dt, report)
             if done < last and report[0] != FULL:
                 fault = self._fault(done, opened=report[0] == UNHELD)
                 self.go_back()
@@ -285,9 +290,9 @@ class RigidIsland(BaseIsland):
             fill(whole, b, visitors)
             renew(scene.guests, visitors, self.dt)
             return whole, scene, motion
-        whole, booking = joined(b, visitors), self._booking()
-        springs = (*booking.springs, *self.ties.springs(visitors, b.w.size))
-        scene = booking._replace(guests=guests_of(visitors, b.w.size, self.dt), springs=springs)
+        whole, alone = joined(b, visitors), self._scene
+        springs = (*alone.springs, *self.ties.springs(visitors, b.w.size))
+        scene = alone._replace(guests=guests_of(visitors, b.w.size, self.dt), springs=springs)
         if scene.hearing is not None:
             names = (*(state.name for state in self.states), *self.guests)
             code = codes_of_groups(self._scenario, names, names)
@@ -297,14 +302,6 @@ class RigidIsland(BaseIsland):
             scene = scene._replace(joined=np.append(scene.joined, strangers))
         self._party = whole, scene, new_motion(whole.w.size)
         return self._party
-
-    def _booking(self) -> Scene:
-        """What acts on the bodies, and the books of it."""
-        swift = self._scene.swift._replace(watch=self.watch, tired=self.tired)
-        scene = self._scene._replace(swift=swift)
-        if self.books is None:
-            return scene
-        return scene._replace(work=scene.work._replace(totals=self.books.totals))
 
     def _make_room(self, contacts: int) -> None:
         """Room for more contacts; what is known of the last ones stays."""
@@ -398,7 +395,7 @@ class RigidIsland(BaseIsland):
         self.go_back()
         # What hangs on rods is not there: they do without it.
         joints = None if self.ties.held else self._scene.joints
-        scene = self._booking()._replace(work=None, joints=joints)
+        scene = self._scene._replace(work=None, joints=joints)
         done, report = 0, np.zeros(2)
         while done < steps and report[0] in (0, FULL):
             given = (self.bodies(), self._contacts, self._motion, self.memory)
