@@ -142,6 +142,12 @@ class HingeJoint(Joint):
     @model_validator(mode="after")
     def _axis(self) -> HingeJoint:
         require_direction(self.axis, "hinge")
+        if self.limits is not None and self.limits[0] > self.limits[1]:
+            raise invalid(
+                "the least angle comes first, and is above the greatest",
+                at=("limits",),
+                allowed="limits = [-30, 90], between -180 and 180",
+            )
         if self.limits is not None and not -180 < self.limits[0] <= 0 <= self.limits[1] < 180:
             raise invalid(
                 "the angle is 0 at the start and must be within its limits",

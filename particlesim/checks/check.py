@@ -7,7 +7,13 @@ from typing import Annotated, Literal, NamedTuple
 from annotated_types import Ge, Le
 from pydantic import Field, StringConstraints, model_validator
 
-from particlesim.checks.quantities import FIELD_QUANTITIES, VECTOR_FIELDS, QuantityDistance, QuantityValue
+from particlesim.checks.quantities import (
+    FIELD_QUANTITIES,
+    VECTOR_FIELDS,
+    QuantityDistance,
+    QuantityValue,
+    is_never_negative,
+)
 from particlesim.expressions.operations import VARIABLES, Node, Time
 from particlesim.expressions.parser import ExpressionError, parse
 from particlesim.forces.field import check_constant
@@ -90,6 +96,10 @@ class Check(Model):
             )
         if self.min is not None and self.max is not None and self.min > self.max:
             raise invalid("min is above max", at=("min",), also=[(("max",), "max")])
+        most = "max" if self.max is not None else "equals"
+        value, slack = getattr(self, most), self.tolerance or 0.0
+        if value is not None and value + slack < 0 and is_never_negative(self.quantity):
+            raise invalid(f"{self.quantity} is never below 0: this check cannot hold", at=(most,))
         return self
 
     @model_validator(mode="after")

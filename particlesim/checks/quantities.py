@@ -92,6 +92,11 @@ def is_count(quantity: str) -> bool:
     return quantity.partition(".")[0] in COUNTS
 
 
+def is_never_negative(quantity: str) -> bool:
+    """Whether a quantity is a number of things, an energy of motion, a speed or an age."""
+    return is_count(quantity) or quantity.partition(".")[0] in ("kinetic", "speed", "age")
+
+
 def unit_of(quantity: str) -> Unit | None:
     """The unit of a quantity, None for a name that is none."""
     marked = Number if quantity == "energy.drift" else _UNITS.get(quantity.partition(".")[0])

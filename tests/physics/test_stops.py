@@ -136,6 +136,7 @@ def test_a_ball_joint_leans_within_its_cone() -> None:
 @pytest.mark.parametrize(
     ("joint", "words"),
     [
+        ({"limits": [50, -50]}, "the least angle comes first"),
         ({"limits": [10, 30]}, "must be within its limits"),
         ({"limits": [-200, 30]}, "between -180 and 180"),
         ({"motor": {"speed": 1.0, "torque": 0.0}}, "torque"),
