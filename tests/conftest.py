@@ -40,23 +40,41 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if config.getoption("--slow"):
         return
-    cases = Counter[str]()
+    cases = Counter(_name(each) for each in items)
+    seen = Counter[str]()
     slow = []
     for each in items:
-        name = each.nodeid.partition("[")[0]
-        if each.get_closest_marker("slow") or _between_samples(each, cases[name]):
+        name = _name(each)
+        if each.get_closest_marker("slow") or _between_samples(seen[name], _sampled(each, cases[name])):
             slow.append(each)
-        cases[name] += 1
+        seen[name] += 1
     config.hook.pytest_deselected(items=slow)
     left = set(map(id, slow))
     items[:] = [each for each in items if id(each) not in left]
 
 
-def _between_samples(item: pytest.Item, case: int) -> bool:
-    """Whether a case of a grid of them, marked `sampled(n)`, is none of those that run. They are not each n-th one, which
-    may all have the same value of the parameter that changes most often."""
+def _name(item: pytest.Item) -> str:
+    """The name of a test without that of its case."""
+    return item.nodeid.partition("[")[0]
+
+
+GRIDS = ((8, 3), (4, 2))
+"""Of so many cases of a test of physics, and more, one in so many runs: each compiles kernels of its own."""
+
+
+def _sampled(item: pytest.Item, cases: int) -> int:
+    """How many cases of a test there are for each one that runs: as many as its mark `sampled(n)` says, or `GRIDS`."""
     mark = item.get_closest_marker("sampled")
-    return mark is not None and (case + case // mark.args[0]) % mark.args[0] != 0
+    if mark is not None:
+        return int(mark.args[0])
+    grids = GRIDS if item.path.parent.name == "physics" else ()
+    return next((n for least, n in grids if cases >= least), 1)
+
+
+def _between_samples(case: int, n: int) -> bool:
+    """Whether a case is none of those that run. They are not each n-th one, which may all have the same value of the
+    parameter that changes most often."""
+    return (case + case // n) % n != 0
 
 
 def pytest_collection_finish() -> None:

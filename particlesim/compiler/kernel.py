@@ -95,7 +95,10 @@ def _take(x: Any, key: list[Any], numbers: list[Any]) -> None:
     elif isinstance(x, tuple):
         key.append((cls, len(x)))
         for each in x:
-            _take(each, key, numbers)
+            if each.__class__ is np.ndarray:
+                _array(each, key, numbers)
+            else:
+                _take(each, key, numbers)
     elif isinstance(x, np.ndarray):
         _array(x, key, numbers)
     elif x is None or isinstance(x, str | type) or callable(x):
@@ -168,14 +171,16 @@ def _format(x: Any) -> str:
     return "".join(_FORMAT[kind] for kind in _kinds(x))
 
 
-def _weight(x: Any) -> int:
-    """Bytes that an argument keeps alive; arrays that are stretches of something unknown are taken for too many."""
-    if isinstance(x, tuple):
-        return sum(map(_weight, x))
-    if not isinstance(x, np.ndarray):
-        return 0
-    whole = x if x.base is None else x.base
-    return whole.nbytes if isinstance(whole, np.ndarray) else MOST_KEPT
+def _weight(x: tuple[Any, ...]) -> int:
+    """Bytes that a tuple keeps alive; arrays that are stretches of something unknown are taken for too many."""
+    total = 0
+    for each in x:
+        if each.__class__ is np.ndarray:
+            whole = each if each.base is None else each.base
+            total += whole.nbytes if isinstance(whole, np.ndarray) else MOST_KEPT
+        elif isinstance(each, tuple):
+            total += _weight(each)
+    return total
 
 
 @dataclass

@@ -94,6 +94,12 @@ class Method:
         """Numbers per particle that it remembers from step to step."""
         return 0
 
+    @property
+    def lag(self) -> float:
+        """The part of a step by which velocities are late; less than 0 where they are early. Under a constant force a step
+        of h that changes the velocity v by Δv moves a particle by h (v + (½ + lag) Δv)."""
+        return 0.0
+
     def record(self) -> tuple[object, ...]:
         """The coefficients as kernels take them."""
         raise NotImplementedError
@@ -131,6 +137,10 @@ class RungeKutta(Method):
     @property
     def evaluations(self) -> int:
         return len(self.b)
+
+    @property
+    def lag(self) -> float:
+        return sum(b * c for b, c in zip(self.b, self.c, strict=True)) - 0.5 if self.order < 2 else 0.0
 
     def record(self) -> RungeKuttaRecord:
         return RungeKuttaRecord(
@@ -229,6 +239,12 @@ class Composition(Method):
     @property
     def evaluations(self) -> int:
         return sum(k != 0 for k in self.kicks)
+
+    @property
+    def lag(self) -> float:
+        return (
+            sum(k * sum(self.drifts[i:]) for i, k in enumerate(self.kicks)) - 0.5 if self.order < 2 else 0.0
+        )
 
     def record(self) -> CompositionRecord:
         return CompositionRecord(

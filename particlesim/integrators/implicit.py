@@ -178,3 +178,7 @@ class BackwardEulerMethod(ImplicitMethod):
     @property
     def iterates(self) -> bool:
         return self.converged
+
+    @property
+    def lag(self) -> float:
+        return 0.5

@@ -26,6 +26,7 @@ def shell(command: str, **environ: str) -> Ended:
     return Ended(done.returncode, done.stdout, done.stderr)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("command", ["--version", "--help", "describe rk4", "check tiny.toml --json"])
 @pytest.mark.parametrize(
     ("where", "reason"), [(">&-", "Bad file descriptor"), (">/dev/full", "No space left on device")]
@@ -36,6 +37,7 @@ def test_data_that_cannot_be_written_is_an_error(command, where, reason):
     assert f"error: standard output: {reason}" in ended.err
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("where", ["2>&-", "2>/dev/full"])
 def test_talk_that_nobody_hears_is_none(where):
     # With stderr closed its number must not go to the trajectory, where talk would then be written.

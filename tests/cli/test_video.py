@@ -63,6 +63,7 @@ def test_a_video_is_small_unless_another_size_is_asked_for(psim, asked) -> None:
     assert asked == [{}, {"render.size": [1280, 720]}, {}]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("text", "options"),
     [(TINY, ()), (UNSIZED, ("--size", "1280x720")), (FORESEEN, ()), (TEARING, ())],

@@ -104,6 +104,7 @@ def test_a_shot_that_the_wind_turns_round(ball):
     assert all(shot.miss < 1e-8 for shot in found.shots)
 
 
+@pytest.mark.slow
 def test_a_target_that_a_plane_keeps_away(ball):
     floor = {"planes": [{"point": [0, -1, 0], "restitution": 0.5}], "particles.ball.radius": 0.05}
     floor |= {

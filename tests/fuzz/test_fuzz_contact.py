@@ -42,6 +42,7 @@ def test_nothing_is_inside_of_a_box_that_moves() -> None:
     assert steps > 5e3
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("seed", "particles", "scene", "among"),
     [
@@ -121,6 +122,7 @@ DRAWN = [
 """What hypothesis drew: a smooth cylinder is led over a floor whose kinetic friction is above its static one."""
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Using `assume` outside")  # what was drawn is what it assumes
 def test_what_stops_after_each_push_is_not_overrun() -> None:
     draws = iter(DRAWN)

@@ -310,6 +310,7 @@ def test_the_year_is_a_year() -> None:
     assert 2 * math.pi * math.sqrt(a**3 / law.mu) / 86400 == pytest.approx(365.2564, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_cold_ball_collapses_in_the_time_of_free_fall() -> None:
     # A fifth of the bodies, up to the moment of greatest density, pi/2 (R^3/(2 G M))^(1/2) = 1.11; until then r = r0
     # cos^2(psi).

@@ -70,6 +70,7 @@ def test_the_bridge_holds_until_it_breaks(tmp_path: Path) -> None:
     assert np.array_equal(end[pinned], early[pinned])
 
 
+@pytest.mark.slow
 def test_the_flag_flies_with_the_wind() -> None:
     # Its weight is 1.2 N/m²; a wind of 7 m/s presses on what stands across it with 1.2 · 30 N/m²: it flies nearly level.
     result = run("flag", duration=3.0)
@@ -81,6 +82,7 @@ def test_the_flag_flies_with_the_wind() -> None:
     assert np.linalg.norm(flag[:, [0, 2]], axis=1).max() < 1.65
 
 
+@pytest.mark.slow
 def test_strands_of_hair_keep_their_length() -> None:
     result = run("hair", duration=0.5)
     layout = result.scenario.particles[0].layout

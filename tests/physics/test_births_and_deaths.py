@@ -270,6 +270,7 @@ def test_threads_and_checkpoints_change_no_bit(method: str, monkeypatch: pytest.
         each.close()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "method", ["velocity_verlet", "rk45", pytest.param("implicit_midpoint", marks=pytest.mark.slow)]
 )

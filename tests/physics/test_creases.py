@@ -244,6 +244,7 @@ def test_what_slides_out_of_a_groove_flies_on(groove: str, tmp_path: Path) -> No
     assert ended.energy == pytest.approx(ended.energy[0], rel=2e-5)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("groove", ["union", "formula", "mesh"])
 def test_what_climbs_out_of_a_groove_falls_off_or_slides_back(groove: str, tmp_path: Path) -> None:
     # Gravity is turned by 20°, so that the groove rises towards its end at z = −1. Beyond it the ball lies on two rims, and

@@ -114,6 +114,7 @@ def test_an_elastic_impact_keeps_the_energy_of_what_pulls(phase: float, side: fl
     assert np.abs(energy - energy[0]).max() <= 2 * most
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("h", [1e-3, 2e-3])
 def test_impacts_with_what_hangs_on_a_spring_give_no_energy(h: float) -> None:
     # A bead on a spring and an elastic ball that a wall throws back. Impulses shift the bead by Δv τ, which took k (Δv τ)²/2

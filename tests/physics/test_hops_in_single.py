@@ -148,6 +148,7 @@ def test_hops_on_what_is_large_gain_nothing(shape: str, inside: bool, method: st
     assert height.min() >= -2 * ulp
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.optimised
 @pytest.mark.parametrize(("shape", "drop", "dt"), [("box", 1e-3, 1e-4), ("plane", 1e-2, 1e-3)])
 def test_ten_thousand_hops_do_not_drift_up(shape: str, drop: float, dt: float) -> None:

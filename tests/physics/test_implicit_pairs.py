@@ -164,6 +164,7 @@ def in_small_steps(method: str) -> NDArray[np.float64]:
     return np.asarray(ran("yoshida4", 0.025, 0.8, pull(method), sphere(1500)).final.position)
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 @pytest.mark.parametrize(
     ("integrator", "order"),

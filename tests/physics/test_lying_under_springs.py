@@ -107,6 +107,7 @@ BALL = {"type": "sphere", "radius": 0.2, "center": [0.1, 0.05, 0.1]}
 RING = {"type": "torus", "center": [0.2, 0.05, 0.2], "radius": 0.2, "tube": 0.07, "axis": [0, 1, 0]}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("collider", [BALL, pytest.param(RING, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
 def test_a_crumpled_jelly_comes_to_rest(method: str, collider: dict[str, Any]) -> None:

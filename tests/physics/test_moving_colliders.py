@@ -329,6 +329,7 @@ def test_gravity_is_what_it_was() -> None:
     assert final.position[0, 1] == pytest.approx(y, abs=1e-8)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "floor",
     [

@@ -157,6 +157,7 @@ def test_lists_are_chosen_where_they_pay() -> None:
         simulation.close()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["force_shifted", "soft_by_radius", "thermostat"])
 def test_same_bits_for_any_number_of_threads(name: str) -> None:
     found = set()
@@ -335,6 +336,7 @@ def spray(method: str) -> ps.Scenario:
     )
 
 
+@pytest.mark.optimised
 def test_births_deaths_and_pins_are_those_of_direct_sums() -> None:
     # Overlapping drops are no chaos for so short a time; the order of sums is all that differs.
     found, threads = [], set()

@@ -224,6 +224,7 @@ WELLS: dict[str, tuple[str, Callable[..., Any], Callable[..., Any], Callable[...
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("well", "scene"),
     [

@@ -75,6 +75,7 @@ def depth(simulation: Simulation, shape: Any) -> float:
     return float(-out.min() / R)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("shape", "what", "speed"),
     [
@@ -194,6 +195,7 @@ def test_a_belt_takes_an_edge_along() -> None:
     assert v[0] == pytest.approx(0.3, abs=0.02)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_cloth_comes_to_rest_on_a_table_and_gains_nothing(precision: str) -> None:
     table_top = {"type": "box", "center": [0, -0.25, 0], "size": [0.37, 0.5, 0.29], "friction": 0.6}

@@ -161,6 +161,7 @@ def crowd(e: float, friction: float) -> dict[str, Any]:
     return {"bodies": bodies, "colliders": walls}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("e", "friction"), [(1.0, 0.0), (1.0, 0.4), (0.5, 0.4)])
 def test_a_box_of_sheets_holds_swift_boxes_and_gives_them_nothing(e: float, friction: float) -> None:
     scenario = table(0.1, H, output={"every": 1, "ledger": True}, **crowd(e, friction))

@@ -150,6 +150,7 @@ def test_errors_hold_for_any_softening(softening: float) -> None:
     tree.close()
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("accuracy", [1e-1, 1e-2, pytest.param(1e-4, marks=pytest.mark.slow), 1e-5])
 def test_charges_in_the_order_of_a_crystal_are_summed_as_exactly_as_asked(accuracy: float) -> None:
     """Low moments of its cells vanish, and tell nothing of higher ones; and forces are a thousandth of those of pairs."""
@@ -294,6 +295,7 @@ def test_an_accuracy_out_of_reach_says_what_can_be_had(monkeypatch: pytest.Monke
         forces(scenario(plummer(3000, np.random.default_rng(1)), {"method": "tree", "accuracy": 1e-6}))
 
 
+@pytest.mark.slow
 def test_the_first_frame_is_as_exact_as_all_others(tmp_path: Path) -> None:
     x, accuracy = uniform(4500, np.random.default_rng(2)), 1e-3
     charges = {"mass": 1e9, "charge": np.random.default_rng(3).normal(size=len(x)).tolist()}
@@ -307,6 +309,7 @@ def test_the_first_frame_is_as_exact_as_all_others(tmp_path: Path) -> None:
     assert np.sqrt(np.mean(off**2)) < 1.3 * accuracy
 
 
+@pytest.mark.slow
 def test_an_accuracy_out_of_reach_leaves_the_last_run_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -343,6 +343,7 @@ def test_colliders_that_turn_by_much_in_a_step_are_told() -> None:
     assert "dt = 0.0005 s" in text
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("reach", "radius", "told"),
     [

@@ -253,6 +253,7 @@ EGG = {**SOLID_EGG, "inside": True}
 NOWHERE, TOO_LARGE = "no position is on the allowed side", "no particle of 'e' fits between these walls"
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("colliders", "planes", "message"),
     [

@@ -196,6 +196,7 @@ PAIRS = [
 ]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("unit", "symbol"), PAIRS, ids=lambda value: str(value) if isinstance(value, str) else ""
 )

@@ -112,6 +112,7 @@ def test_the_same_table_as_in_one_process_with_a_worker_killed_in_the_middle(clu
     assert state[0] == state[1]
 
 
+@pytest.mark.slow
 def test_lost_workers_are_replaced(cluster) -> None:
     """Run 3 takes its worker down the first time, run 5 always."""
     fragile = importlib.import_module("fragile_task").fragile

@@ -192,6 +192,7 @@ except InputOutputError as error:
 """
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("compression", ["gzip", "none"])
 @pytest.mark.parametrize("limit", [300_000, 1_000_003, 1_500_000])
 def test_writes_that_the_system_refuses(tmp_path, synthetic, compression, limit):
@@ -232,6 +233,7 @@ except InputOutputError as error:
 """
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.skipif(sys.platform == "win32", reason="no such limits")
 @pytest.mark.parametrize("compression", ["gzip", "none"])
 @pytest.mark.parametrize(("limit", "least"), [(10_000, None), (40_000, 0), (130_000, 50), (155_000, 150)])

@@ -188,6 +188,7 @@ def _datasets(path):
     return [name for name in found if not name.startswith("psim/provenance")]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("wrong", ["text", "shape", "group", "missing"])
 def test_datasets_of_another_type_or_shape(tmp_path, synthetic, wrong):
     """Whatever is replaced: it is refused when the file is opened or repaired, or it plays no part in reading."""

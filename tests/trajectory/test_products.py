@@ -131,6 +131,7 @@ def test_few_particles_are_lines_and_many_are_bands(tmp_path, synthetic):
         assert half.values[0, 2] == 350
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("quantity", "options"),
     [

@@ -25,6 +25,7 @@ class Joined:
     def __init__(self, states: Sequence[GroupState]) -> None:
         self.states = list(states)
         self.whole: GroupState
+        self._cut: tuple[Columns, list[int], list[Columns]] | None = None
         self._join([0] * len(self.states))
 
     @property
@@ -67,8 +68,11 @@ class Joined:
         return times[np.diff(times, prepend=-np.inf) > NEAR * dt]
 
     def cut(self, whole: Columns) -> list[Columns]:
-        """Columns of the island cut into those of its groups."""
-        return [block_of(whole, a, b) for a, b in pairwise(self.bounds)]
+        """Columns of the island cut into those of its groups: the same tuples, which kernels know, when they come again."""
+        bounds = self.bounds
+        if self._cut is None or self._cut[0] is not whole or self._cut[1] != bounds:
+            self._cut = whole, bounds, [block_of(whole, a, b) for a, b in pairwise(bounds)]
+        return self._cut[2]
 
     def make_room(self, more: Sequence[int]) -> Ints:
         """Room for more particles behind those of every group, which are about to be born. Returns the new row of each."""

@@ -87,6 +87,7 @@ from particlesim.engine.interactions.neighbours.record import Neighbours, enlarg
 from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.interactions.touching import touching
 from particlesim.engine.state.columns import type_of
+from particlesim.graph.graph import methods_of
 from particlesim.interactions import PairSet
 
 PAIRS, SIDES, SOME = 8, 3, 64
@@ -358,7 +359,8 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     rolls = found.law.rolling is not None
     bench = new_bench(room, sides, colliders * len(site.state) + 1, count, site.dtype, rolls)
     known = new_known(room + sides, count, site.dtype, rolls)
-    ways, side = site.common.setdefault("ways", new_ways(count)), sides_of(found.near, count)
+    lag = methods_of(site.scenario)[pairs.groups[0]].lag
+    ways, side = site.common.setdefault("ways", new_ways(count, lag)), sides_of(found.near, count)
     heard = overheard_of(site, pairs.groups)
     return Impulses(*found, bench, np.zeros(3, np.int64), np.zeros(2), known, ways, side, heard)
 

@@ -38,7 +38,7 @@ def bend_ways(w: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """Bend the ways of all members that have been thrown back in a step of h that ends at time t."""
     for part in parts:
         note_kicks(w, part.forces, c, t, h, part.first, part.last)
-    find_method(w, c, before, h)
+    find_strange(w, c, before, h)
     for part in parts:
         for collider in colliders_of(part):
             find_thrown(w, collider, c, before, t, h, part.first, part.last)
@@ -55,36 +55,12 @@ def note_kicks(w: Any, forces: Any, c: Any, t: Any, h: Any, first: Any, last: An
 
 
 @outlined
-def find_method(w: Any, c: Any, before: Any, h: Any) -> None:
-    """Find those that move as no method does, and how most others do: of those that only forces on them move, if there are
-    any, as what lies on something may look like any method."""
-    free = (0, 0, 0)
-    others = (0, 0, 0)
+def find_strange(w: Any, c: Any, before: Any, h: Any) -> None:
+    """Find those that move as no method does."""
     for i in range(w.light.size):
         lasts = w.when[ENDS, i] - w.when[BEGUN, i]
         if (lasts > 0) & (w.light[i] > 0):
-            way = way_of(c, before, i, lasts * float(h))
-            w.what[THROWN, i] = SOMETHING if way < 0 else 0
-            if (w.force[0, i] != 0) | (w.force[1, i] != 0) | (w.force[2, i] != 0):
-                if size_of(unexplained(w, i)) == 0:
-                    free = with_one(free, way)
-                else:
-                    others = with_one(others, way)
-    early, some, late = free if free[0] + free[1] + free[2] > 0 else others
-    w.late[0] = 0.0
-    if (late > early) & (late > some):
-        w.late[0] = 0.5
-    if (early > late) & (early > some):
-        w.late[0] = -0.5
-
-
-def with_one(numbers: Any, way: Any) -> Any:
-    """How many have been moved by nothing, a half, and all of what forces do, with one more that has been moved by a way."""
-    return (
-        numbers[0] + (1 if way == 0 else 0),
-        numbers[1] + (1 if (way > 0) & (way < 1) else 0),
-        numbers[2] + (1 if way == 1 else 0),
-    )
+            w.what[THROWN, i] = SOMETHING if way_of(c, before, i, lasts * float(h)) < 0 else 0
 
 
 @outlined

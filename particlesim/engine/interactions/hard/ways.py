@@ -4,8 +4,8 @@ A way is a chord from where the step begins to where it ends, run through at a s
 1. A particle that something has thrown back in the step has a way of two legs: on from where it began with the velocity that
 it had there, and back from where it ends with the one that it has then, with a bend where these come nearest to each other.
 Velocities change evenly in a step, by what forces have done in all of it, and at time s there is 1 − s of that still to
-come. A method may know them late, or early: with w a property of the method (`turns.way_of`), what has come a way of
-h (v₀ + w Δv) had that velocity in the middle, so at time s it has v₁ − (1 − s) Δv + (w − ½) Δv.
+come. A method may know them late, or early (`Method.lag`): what has come a way of h (v₀ + (½ + lag) Δv) had that velocity in
+the middle, so at time s it has v₁ − (1 − s) Δv + lag Δv.
 
 All numbers are of double precision: impacts of a step follow each other, and single precision would add up.
 """
@@ -52,7 +52,7 @@ class Ways(NamedTuple):
     next [3, n] [m]; its inverse mass, 0 of what nothing moves [n] [1/kg]; what to add to its place in a periodic box for an
     image inside [3, n] [m].
 
-    The queue of impacts [n], and how many there are, and more [2]; by how much velocities are late, w − ½ [1]. Of one
+    The queue of impacts [n], and how many there are, and more [2]; by which part of a step velocities are late [1]. Of one
     impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in
     space are neighbours [room], −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and
     the cell of each [n]. Boxes about the ways of groups in that order and of nodes above them [6, nodes], and where their
@@ -96,8 +96,8 @@ class Field(NamedTuple):
     box: Any
 
 
-def new_ways(particles: int) -> Ways:
-    """Room for the ways of the particles of an island."""
+def new_ways(particles: int, lag: float) -> Ways:
+    """Room for the ways of the particles of an island, by whose method velocities are late by a part `lag` of a step."""
     at, go, bend, on, speed, first, force, carried, spin, spun = (np.zeros((3, particles)) for _ in range(10))
     groups = max(-(-particles // GROUP), 1)
     levels, bits = level_starts(groups), max(particles.bit_length() // 3, 1)
@@ -110,7 +110,7 @@ def new_ways(particles: int) -> Ways:
         np.zeros((3, particles)),
         np.zeros(particles, np.int64),
         np.zeros(2, np.int64),
-        np.zeros(1),
+        np.array([lag]),
         np.zeros((4, 2)),
         np.zeros(GROUP * groups, np.int64),
         np.zeros(particles, np.int64),
