@@ -8,12 +8,10 @@ with s the speed of rebound, or the approach that the gap leaves room for; a fri
 They are found contact by contact until none changes (projected Gauss and Seidel), forwards and backwards in turn, beginning
 with the impulses of the last step; sweeps are the steps of a method of conjugate gradients. Large heaps get fewer sweeps,
 and go on with them in the next step. Where some bodies are much heavier than others, what sweeps do not find is looked
-for directly (`multipliers`), and what is not found then gives no energy (`energy`). What overlaps by more than the slop is
-pushed apart by velocities of its own, which move bodies in this step and are then forgotten, so that they give no energy.
+for directly (`multipliers`), and what is not found then gives no energy (`energy`).
 
 Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177, 235 (1999); E. Catto, Iterative dynamics with temporal
-coherence, GDC 2005; M. Silcowitz, S. Niebe, K. Erleben, Visual Computer 26, 893 (2010) (conjugate gradients); split
-impulses: E. Coumans, GDC 2006.
+coherence, GDC 2005; M. Silcowitz, S. Niebe, K. Erleben, Visual Computer 26, 893 (2010) (conjugate gradients).
 """
 
 from __future__ import annotations
@@ -55,8 +53,6 @@ TURNS, APART = 24, 4
 """Turns of the direct method at most, and those after which it is tried again to have friction go with what presses."""
 AGAIN = 50
 """Sweeps at most over what guests still lack at the end of a step."""
-PUSHES = 12
-"""Sweeps that push apart."""
 SETTLED = 1e-9
 """Change of speed in a sweep, relative to the largest one that contact has to deal with, below which nothing changes
 any more."""
@@ -65,8 +61,6 @@ ROUNDING = 32 * float(np.finfo(float).eps)
 TIED = 1e-6
 """Part of the way to a contact that may be left at the end of a step, such that corners of a face that come flush within
 rounding of one hit together."""
-PART = 0.2
-"""Part of an overlap that is taken away in a step."""
 
 
 def velocities(b: Any, motion: Any) -> None:
@@ -190,9 +184,12 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
     rebounds = False
     for c in range(k.number[0]):
         rebounds = rebounds or (k.target[c] > 0 and k.turns[c] == 0)
-    if rebounds and gains(b, k, motion, joints, h):
+    yields = rebounds and gains(b, k, motion, joints, h)
+    if yields:
         yield_energy(b, k, motion, joints, h)
     hold_back(b, k, motion, h)
+    if yields:
+        recall_rebounds(k)
     remember(k, memory)
     for i in range(b.w.size):
         for axis in range(3):
@@ -398,8 +395,10 @@ def yield_energy(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
         for axis in range(3):
             motion.gained[i, axis] = motion.start[i, 6 + axis]
     for c in range(k.number[0]):
-        # What was found is kept where the solution without rebounds leaves room: nobody reads these places any more.
+        # What was found is kept where the solution without rebounds leaves room, until `recall_rebounds`.
         k.normal[0, c], k.normal[1, c], k.normal[2, c] = k.impulse[c, 0], k.impulse[c, 1], k.impulse[c, 2]
+        if k.turns[c] == 0:
+            k.aim[0, c] = k.target[c]
         k.impulse[c, 0] = k.impulse[c, 1] = k.impulse[c, 2] = 0.0
         k.target[c] = min(k.target[c], 0.0) if k.turns[c] != MOTOR else k.target[c]
     relax_all(b, k, motion, joints)
@@ -445,49 +444,10 @@ def yield_energy(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
             k.impulse[c, d] += part * (k.normal[d, c] - k.impulse[c, d])
 
 
-# ---- pushing apart
-
-
-@shared
-def push_apart(b: Any, k: Any, motion: Any, joints: Any, slop: Any, h: Any) -> bool:
-    """Velocities, into `apart`, that take away a part of what overlaps; whether there are any."""
-    deep = False
+def recall_rebounds(k: Any) -> None:
+    """Give contacts the normals and the speeds to be reached back that they had before `yield_energy`."""
     for c in range(k.number[0]):
-        deep = deep or k.gap[c] < -slop
-    if not deep:
-        return False
-    for i in range(b.w.size):
-        for axis in range(6):
-            motion.apart[i, axis] = 0.0
-    for turn in range(PUSHES):
-        for place_in in range(k.number[0]):
-            c = k.number[0] - 1 - place_in if turn % 2 == 1 else place_in
-            if k.gap[c] < -slop:
-                nudge(b, k, motion, c, PART * (-k.gap[c] - slop) / h)
-                if joints is not None and k.braced[c] > 0:
-                    level_there(b, k, joints, motion.apart, motion.other, c)
-        for cluster in range(motion.clusters[0]):
-            level_all(b, motion, motion.apart, motion.other, joints, cluster)
-    return True
-
-
-def nudge(b: Any, k: Any, motion: Any, c: Any, speed: Any) -> None:
-    """Bring the bodies of a contact to separate at a speed."""
-    e, i, j = k.rows[c, 0], k.first[c], k.second[c]
-    m = motion.apart[i]
-    u = e[0] * m[0] + e[1] * m[1] + e[2] * m[2] + e[3] * m[3] + e[4] * m[4] + e[5] * m[5]
-    if j != WORLD:
-        o = motion.apart[j]
-        u -= e[0] * o[0] + e[1] * o[1] + e[2] * o[2] + e[6] * o[3] + e[7] * o[4] + e[8] * o[5]
-    had = k.impulse[c, 3]
-    press = max(had - e[15] * (u - speed), 0.0)
-    k.impulse[c, 3] = press
-    size = press - had
-    for axis in range(3):
-        m[axis] += size * b.w[i] * e[axis]
-        m[3 + axis] += size * e[9 + axis]
-    if j != WORLD:
-        o = motion.apart[j]
-        for axis in range(3):
-            o[axis] -= size * b.w[j] * e[axis]
-            o[3 + axis] -= size * e[12 + axis]
+        if k.turns[c] == 0:
+            k.target[c] = k.aim[0, c]
+            for axis in range(3):
+                k.normal[axis, c] = k.rows[c, 0, axis]

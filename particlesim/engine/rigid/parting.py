@@ -1,0 +1,64 @@
+"""What overlaps by more than the slop is pushed apart by velocities of its own, which move bodies in this step and are then
+forgotten, so that they give no energy.
+
+Source: split impulses, E. Coumans, GDC 2006.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from particlesim.compiler import shared
+from particlesim.engine.rigid.bodies import WORLD
+from particlesim.engine.rigid.braced import level_there
+from particlesim.engine.rigid.solver import level_all
+
+PUSHES = 12
+"""Sweeps that push apart."""
+PART = 0.2
+"""Part of an overlap that is taken away in a step."""
+
+
+@shared
+def push_apart(b: Any, k: Any, motion: Any, joints: Any, slop: Any, h: Any) -> bool:
+    """Velocities, into `apart`, that take away a part of what overlaps; whether there are any."""
+    deep = False
+    for c in range(k.number[0]):
+        deep = deep or k.gap[c] < -slop
+    if not deep:
+        return False
+    for i in range(b.w.size):
+        for axis in range(6):
+            motion.apart[i, axis] = 0.0
+    for turn in range(PUSHES):
+        for place_in in range(k.number[0]):
+            c = k.number[0] - 1 - place_in if turn % 2 == 1 else place_in
+            if k.gap[c] < -slop:
+                nudge(b, k, motion, c, PART * (-k.gap[c] - slop) / h)
+                if joints is not None and k.braced[c] > 0:
+                    level_there(b, k, joints, motion.apart, motion.other, c)
+        for cluster in range(motion.clusters[0]):
+            level_all(b, motion, motion.apart, motion.other, joints, cluster)
+    return True
+
+
+def nudge(b: Any, k: Any, motion: Any, c: Any, speed: Any) -> None:
+    """Bring the bodies of a contact to separate at a speed."""
+    e, i, j = k.rows[c, 0], k.first[c], k.second[c]
+    m = motion.apart[i]
+    u = e[0] * m[0] + e[1] * m[1] + e[2] * m[2] + e[3] * m[3] + e[4] * m[4] + e[5] * m[5]
+    if j != WORLD:
+        o = motion.apart[j]
+        u -= e[0] * o[0] + e[1] * o[1] + e[2] * o[2] + e[6] * o[3] + e[7] * o[4] + e[8] * o[5]
+    had = k.impulse[c, 3]
+    press = max(had - e[15] * (u - speed), 0.0)
+    k.impulse[c, 3] = press
+    size = press - had
+    for axis in range(3):
+        m[axis] += size * b.w[i] * e[axis]
+        m[3 + axis] += size * e[9 + axis]
+    if j != WORLD:
+        o = motion.apart[j]
+        for axis in range(3):
+            o[axis] -= size * b.w[j] * e[axis]
+            o[3 + axis] -= size * e[12 + axis]
