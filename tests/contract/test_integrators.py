@@ -210,6 +210,14 @@ def test_projectile_is_exact_for_second_order(name: str) -> None:
     np.testing.assert_allclose(end, exact, rtol=0, atol=64 * 4 * EPS * 20)
 
 
+@methods
+def test_velocities_are_as_late_as_the_method_says(name: str) -> None:
+    # One step of h = 0.5 under g: v = v0 + g h, x = x0 + h (v0 + (1/2 + lag) g h)
+    end = final(name, forces(gravity=(0, -8.0, 0)), (1, 2, 3), (4, 5, 6), 0.5, 1)
+    assert end[4] == pytest.approx(1, abs=64 * EPS)
+    assert end[1] == pytest.approx(2 + 0.5 * (5 - 4 * (0.5 + METHODS[name].lag)), abs=64 * EPS)
+
+
 # Order of convergence
 
 PROBLEMS: dict[str, tuple[dict[str, float | tuple[float, float, float]], Any, Any, float]] = {
