@@ -190,6 +190,7 @@ def stopped_after_some_frames(number: int, **options) -> Ended:
     return Ended(process.returncode, out, err)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_interrupted_run_keeps_its_frames(name):

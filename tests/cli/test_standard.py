@@ -55,6 +55,7 @@ def test_all_streams_closed():
     assert shell("psim inspect outputs/tiny.vtkhdf").code == 0
 
 
+@pytest.mark.slow
 def test_a_reader_that_goes_away():
     Path("bad.toml").write_text(TINY.replace('"gravity"', '"gravty"'))
     for command, code in {"schema": 0, "--help": 0, "check tiny.toml bad.toml": 2}.items():

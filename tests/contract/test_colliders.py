@@ -192,7 +192,7 @@ def test_contact_puts_what_overlaps_on_the_surface_along_the_normal(collider: Co
 @given(
     seed=st.integers(0, 2**32 - 1), restitution=st.floats(0, 1), loss=st.floats(0, 1), speed=st.floats(0, 1e6)
 )
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_the_response_is_that_of_the_law_and_gains_no_energy(
     collider: Collider, seed: int, restitution: float, loss: float, speed: float
 ) -> None:
@@ -226,7 +226,7 @@ def look_along(shape: Any, p: Any, q: Any, h: Any, slack: Any, gaps: Any, found:
 
 @CASES
 @given(seed=st.integers(0, 2**32 - 1), bend=st.sampled_from([0.0, 0.5, 3.0]))
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_a_way_is_free_up_to_its_first_contact(collider: Collider, seed: int, bend: float) -> None:
     # Against 400 places on the parabola. A shape without this law has no dents to speak of: straight ways between two legal
     # places stay legal.

@@ -154,6 +154,7 @@ def test_a_straight_line_has_the_errors_of_the_textbook(tmp_path):
     assert found.correlation[0, 1] == pytest.approx(-mean / math.sqrt(total / n + mean**2), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_several_starts_find_the_best_of_several_minima(tmp_path):
     """The phase of an oscillation fits again and again, best at the true frequency."""
     path = tmp_path / "spring.toml"

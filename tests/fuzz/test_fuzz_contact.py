@@ -8,6 +8,7 @@ from fuzz.fuzz_contact import Drawn, broken_in_scene, broken_rules, search
 from simulate import points, way
 
 
+@pytest.mark.slow
 def test_nothing_is_on_the_wrong_side_and_nothing_gains_energy() -> None:
     done, wrong = 0, []
     for seed in range(24):

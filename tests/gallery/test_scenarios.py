@@ -88,6 +88,7 @@ ONE_OF_EACH_KIND = (
 """Of all ways to step; the others take as long, nearly all of it for compiling."""
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "name",
     [name if name in ONE_OF_EACH_KIND else pytest.param(name, marks=pytest.mark.slow) for name in NAMES],
@@ -256,6 +257,7 @@ def test_the_cube_in_the_well_turns_inside_out_and_comes_back() -> None:
     assert run("harmonic_well", duration=4.0).final.position == pytest.approx(corner, abs=2e-7)
 
 
+@pytest.mark.slow
 def test_the_crew_sees_curves_where_outside_sees_lines() -> None:
     # Seen from outside x = x0 + v t; the wheel has turned by ωt: the crew sees that line turned back by ωt. All throws reach
     # the rim after 1.25 s, as 2 R v_r/|v|² says. The file's velocities have six digits after the point.

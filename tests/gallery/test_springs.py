@@ -107,6 +107,7 @@ def test_locks_of_hair_hold_each_other_off() -> None:
     assert np.linalg.norm(result.final.position - (0, 0.5, 0), axis=1).min() > 0.1 + 0.003 * (1 - 1e-3)
 
 
+@pytest.mark.slow
 def test_stiff_cloth_steps_far_beyond_the_explicit_limit() -> None:
     # Symplectic Euler needs h < 2/ω, with ω² ≥ 4 k/m of a single row of springs.
     scenario = shipped("stiff_cloth")

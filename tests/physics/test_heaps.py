@@ -88,6 +88,7 @@ def test_they_keep_their_height_or_tell(step: float, tells: bool) -> None:
     assert any("sunk" in text or "stayed" in text for text in told) == tells
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_a_heap_that_loses_its_floor_falls_as_one(restitution: float) -> None:
     # What the last step has given is too much now. The floor goes away at 40 m/s², and in 0.1 s all fall by as much.

@@ -187,6 +187,7 @@ def test_a_tree_whose_forces_jump_is_solved_to_its_accuracy(integrator: Any, ord
     assert math.log2(misses[0] / misses[1]) == pytest.approx(order, abs=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_what_a_tree_leaves_of_equations_costs_no_energy() -> None:
     # As by direct sums, but for what forces of an accuracy of 1e-2 do themselves, which a leapfrog shows, too.

@@ -52,6 +52,7 @@ def on_a_ball(radius: float, number: int = 500) -> NDArray[Any]:
     return radius * x / np.linalg.norm(x, axis=1)[:, None]
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_what_is_far_from_a_formula_is_stepped_as_if_it_looked_at_it() -> None:
     """Balls fall, bounce, slide and come to rest on a floor about a hill, and some of them hit it: the same bits."""

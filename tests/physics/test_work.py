@@ -315,6 +315,7 @@ BY_VELOCITY = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.sampled(2)
 @BY_VELOCITY
 def test_pairs_work_for_as_long_as_both_are_there(law: dict[str, Any]) -> None:
     """Births and deaths in the middle of steps; no force stores energy, so books and motion must be of one mind."""

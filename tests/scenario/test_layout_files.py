@@ -146,6 +146,7 @@ def test_arrays_are_read_piece_by_piece(tmp_path: Path, kind: str, order: str) -
     np.testing.assert_array_equal(np.hstack([placed.position.T, placed.velocity.T]), numbers[3:7])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.skipif(sys.platform != "linux", reason="needs holes in files, and what a process took at most")
 @pytest.mark.parametrize("ending", ["npy", "csv", "obj", "ply", "stl"])
 def test_files_with_holes_take_no_memory(tmp_path: Path, ending: str) -> None:

@@ -102,6 +102,7 @@ def test_memory_of_pairs(law, box, most):
     simulation.close()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc tells the peak of memory")
 @pytest.mark.parametrize("recorded", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_memory_of_a_run(tmp_path, recorded):
