@@ -34,6 +34,7 @@ def test_the_checks_of_a_scenario_hold(name: str) -> None:
     assert all(check.passed for check in result.checks)
 
 
+@pytest.mark.slow
 def test_the_cradle_hands_the_speed_on() -> None:
     # The first ball falls by the height h in a quarter of a pendulum's period and meets four that touch but for gaps of
     # 0.2 mm. After 28 frames the last one has risen for 0.07 s; its energy is that of the first, and little is elsewhere:

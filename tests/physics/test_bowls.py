@@ -64,7 +64,7 @@ def test_a_bead_in_a_smooth_bowl_is_a_pendulum(container: str, method: str) -> N
         assert np.linalg.norm(x[-1] - x[0]) < R * (angle**3 / 10 if not late else angle**2)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("container", ["bowl", "capsule", "cone", "pipe"])
 @pytest.mark.parametrize("h", [1e-3, 1e-2])

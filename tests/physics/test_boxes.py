@@ -240,6 +240,7 @@ def test_same_bytes_for_any_number_of_threads_and_after_a_resume() -> None:
     assert len(found) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_births_and_deaths_in_a_box_are_those_of_direct_sums() -> None:
     found = []

@@ -89,6 +89,7 @@ def test_oblique_elastic_impacts_keep_momentum_energy_and_angular_momentum(law: 
     )  # equal masses part at a right angle, as contacts take time
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", [pytest.param(LINEAR, marks=pytest.mark.slow), HERTZ], ids=["linear", "hertz"]
 )

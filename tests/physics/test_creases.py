@@ -69,7 +69,7 @@ def thrown(
     )
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 @pytest.mark.parametrize("restitution", [0.0, 0.6, 1.0])
 @pytest.mark.parametrize("groove", GROOVES)

@@ -329,6 +329,7 @@ def test_cohesion_holds_up_to_two_pi_w_r() -> None:
         ) == holds
 
 
+@pytest.mark.sampled(2)
 @SOFT
 def test_the_work_of_contacts_accounts_for_the_energy(law: dict[str, Any]) -> None:
     result = on_slope(

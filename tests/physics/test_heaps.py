@@ -76,6 +76,7 @@ def test_deep_heaps_come_to_rest(contact: dict[str, Any]) -> None:
     assert (state.position[:, 1] - R).min() > -1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("step", "tells"),

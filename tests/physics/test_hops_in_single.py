@@ -119,7 +119,7 @@ def bound(speed: Any, ulp: float, dt: float, steps: int) -> Any:
     return speed * ulp / dt + 0.5 * (ulp / dt) ** 2 + 4 * G * ulp * np.sqrt(steps / 12)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     "method", ["velocity_verlet", pytest.param("symplectic_euler", marks=pytest.mark.slow)]
 )

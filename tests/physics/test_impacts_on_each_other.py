@@ -58,6 +58,7 @@ def thrown(kind: str, speed: float, *emitters: dict[str, Any], dt: float = 0.01,
     return simulate(1.5, dt, emitters=list(emitters), **parts)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("kind", "speed"), [("grain", 1.0), ("grain", 50.0), ("body", 1.0), ("body", 50.0)])
 def test_grains_and_bodies_hear_who_they_hit(kind: str, speed: float) -> None:
     # The face of the box is at 1.5. What counts in the middle of a step is found within half of its way.

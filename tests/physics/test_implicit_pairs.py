@@ -78,6 +78,7 @@ def test_a_harmonic_crystal_keeps_its_energy_at_any_step(method: str) -> None:
     assert total[-1] == pytest.approx(total[0], rel=1e-9)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.optimised
 @pytest.mark.parametrize("method", METHODS)
 def test_a_stiff_cluster_comes_to_rest_where_small_steps_take_it(method: str) -> None:

@@ -54,7 +54,7 @@ def speeds(method: str, shape: str, ratio: float) -> NDArray[np.float64]:
     return np.linalg.norm(v[:, 0], axis=1)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("shape", list(SHAPES))
 @pytest.mark.parametrize("ratio", [0.1, 0.4, 1.1])
 @pytest.mark.parametrize("method", ["symplectic_euler", "stormer_verlet", "velocity_verlet", "rk4"])

@@ -43,7 +43,7 @@ SOLIDS = {
 }
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", SOLIDS)
 @given(
     seed=st.integers(0, 2**32 - 1),

@@ -20,7 +20,7 @@ KINDS = [
 ]
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("kind", KINDS)
 def test_stopped_twice_and_resumed(tmp_path, resume, whole, kind):
     scenario = ps.from_table(resume.kinds[kind])
