@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from fuzz.fuzz_swift_grains import broken_rules, draw, worst_of
+
+import particlesim as ps
+from particlesim.engine.islands.rigid import RigidIsland
+from particlesim.engine.simulation import Simulation
 
 
 @pytest.mark.parametrize(
@@ -27,3 +32,20 @@ def test_who_is_hit_in_a_heap_that_has_settled_gains_nothing() -> None:
     # Found by the fuzz: where all lay, the method was taken for one whose velocities are late, and one that lay got half of
     # the fall of a step as a hop.
     assert broken_rules(worst_of(draw(12, "box", 0.0), 20)) == []
+
+
+@pytest.mark.optimised
+def test_contacts_whose_impulses_yield_energy_keep_their_normals() -> None:
+    # What is heard of impacts, and what holds grains to a body at the end of a step, is along them: grains had been pushed
+    # along impulses that stood in their place.
+    simulation, seen = Simulation(ps.from_table(draw(360).scenario)), 0
+    (island,) = (each for each in simulation.islands if isinstance(each, RigidIsland))
+    for step in range(1, 9):
+        simulation.advance_to(step)
+        contacts = island._contacts
+        n = int(contacts.number[0])
+        plain = contacts.turns[:n] == 0
+        seen += int(plain.sum())
+        np.testing.assert_allclose(np.linalg.norm(contacts.normal[:, :n][:, plain], axis=0), 1, rtol=1e-9)
+    simulation.close()
+    assert seen > 3
