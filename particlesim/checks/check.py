@@ -97,7 +97,8 @@ class Check(Model):
         if self.min is not None and self.max is not None and self.min > self.max:
             raise invalid("min is above max", at=("min",), also=[(("max",), "max")])
         most = "max" if self.max is not None else "equals"
-        value, slack = getattr(self, most), self.tolerance or 0.0
+        value = getattr(self, most)
+        slack = max(self.tolerance or 0.0, (self.relative_tolerance or 0.0) * abs(value or 0.0))
         if value is not None and value + slack < 0 and is_never_negative(self.quantity):
             raise invalid(f"{self.quantity} is never below 0: this check cannot hold", at=(most,))
         return self

@@ -148,6 +148,7 @@ WRONG = [
     ({"quantity": "energy", "max": 2, "tolerance": 1}, "belongs to equals", None),
     ({"quantity": "missed_crossings", "max": -1}, "never below 0", None),
     ({"quantity": "kinetic", "equals": -2, "tolerance": 1}, "never below 0", None),
+    ({"quantity": "kinetic", "equals": -2, "relative_tolerance": 0.9}, "never below 0", None),
     ({"quantity": "energy", "min": 2, "max": 1}, "min is above max", None),
     ({"quantity": "speed", "max": 2}, "needs a statistic", None),
     ({"quantity": "energy", "statistic": "max", "max": 2}, "there is no statistic", None),
