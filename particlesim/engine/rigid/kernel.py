@@ -319,14 +319,12 @@ def close_joints(scene: Any, b: Any, motion: Any) -> bool:
 @kernel
 def hold_guests(scene: Any, b: Any, k: Any, motion: Any) -> bool:
     """Have guests that lie on bodies end a step, after all have made their own, with the velocities that contact has aimed
-    at: they and the bodies get more of its impulses, or give some of them back. Whether there are any. What rebounds, or
-    was not pressed on them, goes its own way: others may have hit it since."""
+    at: they and the bodies get more of its impulses, or give some of them back. Whether there are any."""
     velocities(b, motion)
     count, first = 0, scene.guests.first
     for c in range(k.number[0]):
         m = k.second[c] - first
-        lies = k.impulse[c, 0] > 0 and not k.target[c] > 0 and not k.late[0, c] > 0
-        if m >= 0 and k.turns[c] == 0 and lies and scene.guests.awaits[m] > 0:
+        if m >= 0 and k.turns[c] == 0 and not k.late[0, c] > 0 and scene.guests.awaits[m] > 0:
             k.order[count] = c
             count += 1
             at = plus(place(b, first + m), scene.guests.radius[m], row(k.normal, c))
