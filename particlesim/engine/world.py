@@ -25,6 +25,7 @@ from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
 if TYPE_CHECKING:
+    from particlesim.engine.islands.rigid import RigidIsland
     from particlesim.engine.islands.separation import Separation
 
 # What steps particles that act on each other, and rigid bodies, is imported where there are some.
@@ -63,11 +64,13 @@ class World:
             first_id += state.count
         # Emitters take ids in turn, so that an id says when and where a particle was born, not how runs are cut.
         ids = {group.name: (first_id + k, len(emitters)) for k, group in enumerate(emitters)}
-        islands: list[BaseIsland] = []
         laid_out = {group.name for group in self.scenario.particles}
         others = {name: state for name, state in states.items() if name in laid_out}
         extra = {} if block is None else {"block": block}
-        for island in self.graph.islands:
+        made: dict[int, BaseIsland] = {}
+        bodies: RigidIsland | None = None
+        for k in sorted(range(len(self.graph.islands)), key=lambda k: not self.graph.islands[k].rigid):
+            island = self.graph.islands[k]
             mine = [
                 states.get(group.name) or populate(self.scenario, island, group) for group in island.groups
             ]
@@ -78,14 +81,14 @@ class World:
             if island.rigid:
                 from particlesim.engine.islands.rigid import RigidIsland
 
-                islands.append(RigidIsland(self.scenario, island, mine, ids, others))
+                made[k] = bodies = RigidIsland(self.scenario, island, mine, ids, others)
             elif island.coupled:
                 from particlesim.engine.islands.coupled import CoupledIsland
 
-                islands.append(CoupledIsland(self.scenario, island, mine, ids))
+                made[k] = CoupledIsland(self.scenario, island, mine, ids, bodies)
             else:
-                islands.append(IndependentIsland(self.scenario, island, mine, ids, **extra))
-        return islands
+                made[k] = IndependentIsland(self.scenario, island, mine, ids, **extra)
+        return [made[k] for k in range(len(made))]
 
     @property
     def time(self) -> float:

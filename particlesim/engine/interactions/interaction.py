@@ -290,12 +290,19 @@ def lone(count: int) -> Lone:
 
 class Site:
     """Where interactions are laid out: the particles of an island, as one state and group by group; `began` if they are
-    those of the start, where errors in the scenario are reported; `common`: arrays that several of them have together."""
+    those of the start, where errors in the scenario are reported; `common`: arrays that several of them have together;
+    `obstacles`: rigid bodies in their way, None if there are none."""
 
     def __init__(
-        self, scenario: Scenario, whole: GroupState, states: Sequence[GroupState], *, began: bool = True
+        self,
+        scenario: Scenario,
+        whole: GroupState,
+        states: Sequence[GroupState],
+        *,
+        began: bool = True,
+        obstacles: Any = None,
     ) -> None:
-        self.scenario, self.whole, self.began = scenario, whole, began
+        self.scenario, self.whole, self.began, self.obstacles = scenario, whole, began, obstacles
         self.common: dict[str, Any] = {}
         self.state = {state.name: state for state in states}
         begins = np.cumsum([0, *(state.count for state in states)]).tolist()

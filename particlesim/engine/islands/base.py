@@ -136,6 +136,14 @@ class BaseIsland:
             for source, state in zip(self._sources, self.states, strict=True)
         ]
 
+    def meets_bodies(self, name: str) -> int:
+        """Whether impacts on rigid bodies of particles of a group that come far in a step are left to their own step, 1, and
+        whether these rebound there, 2, or wait until the next step."""
+        return 0
+
+    def leave(self, name: str, rows: Ints) -> None:
+        """Learn that of these particles of a group they are left to the step that comes."""
+
     def _gather(self) -> None:
         """Keep the impacts of the steps just made for emitters that react to them, also those of particles that died."""
         if any(HEARD in state.parts for state in self.states):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,11 @@ from particlesim.process.threads import Team
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
+if TYPE_CHECKING:
+    from particlesim.engine.islands.rigid import RigidIsland
+
+# What steps bodies is imported where there are some.
+
 
 class CoupledIsland(BaseIsland):
     """Groups whose particles act on each other; their states are stretches of the island's arrays (`joined`).
@@ -54,12 +59,15 @@ class CoupledIsland(BaseIsland):
         structure: Island,
         states: Sequence[GroupState],
         ids: Mapping[str, tuple[int, int]],
+        bodies: RigidIsland | None = None,
     ) -> None:
         super().__init__(scenario, structure, states, ids)
         self._scenario, self._structure = scenario, structure
+        self._obstacles = None if bodies is None else bodies.in_the_way_of([each.name for each in states])
+        self._left: dict[str, Ints] = {}
         self._joined = Joined(self.states)
         self._stepper = Stepper(structure, self.states, self.dt)
-        self._site = Site(scenario, self._joined.whole, self.states)
+        self._site = self._new_site(began=True)
         constraint = held(self._site, structure)
         self._sets, interactions = laid_out(self._site, structure.interactions)
         self.names = tuple(each.name for each in self._sets)
@@ -67,6 +75,15 @@ class CoupledIsland(BaseIsland):
         touched = any(structure.colliders) or any(each.changing() for each in interactions)
         self._disturbed = self._changes or touched
         self._lay_out(interactions, constraint)
+
+    def _new_site(self, *, began: bool) -> Site:
+        """Where interactions are laid out for the particles that there are."""
+        obstacles = self._obstacles
+        if obstacles is not None:
+            counts = [state.count for state in self.states]
+            kind = np.repeat(np.arange(len(counts)), counts)
+            obstacles = obstacles._replace(kind=kind, left=np.zeros_like(kind))
+        return Site(self._scenario, self._joined.whole, self.states, began=began, obstacles=obstacles)
 
     def _lay_out(self, interactions: Interactions, constraint: Constraint | None) -> None:
         """Make what kernels take for the particles and interactions that there are."""
@@ -87,7 +104,7 @@ class CoupledIsland(BaseIsland):
 
     def _lay_again(self, place: Ints) -> None:
         """Lay out all anew after births and deaths: row k has become row `place[k]`, and is gone if that is −1."""
-        self._site = Site(self._scenario, self._joined.whole, self.states, began=False)
+        self._site = self._new_site(began=False)
         if self.constraint is not None:
             self.constraint.lay_again(self._site, place)
         self._lay_out(laid_again(self._site, self._sets, self.interactions, place), self.constraint)
@@ -156,12 +173,33 @@ class CoupledIsland(BaseIsland):
         self, first: int, last: int, team: Team, laps: Laps | None = None
     ) -> tuple[Births | None, Deaths | None, Fault | None]:
         born = self._births(first, last) if self._changes else None
+        if self._site.obstacles is not None:
+            self._note_left()
         fault = self._move(first, last, team, laps) if self.layout.count else None
         self._gather()
         deaths = self._deaths(last) if fault is None and self._changes else None
         if born is not None and born.ids.size and fault is None:
             self._refuse_coincident(born.ids, last * self.dt)
         return born, deaths, fault
+
+    def meets_bodies(self, name: str) -> int:
+        hard = (each for each in self._sets if isinstance(each, PairSet) and each.law.by_impulses)
+        if self._obstacles is None or not any(name in each.groups for each in hard):
+            return 0
+        from particlesim.engine.rigid.grains import LEFT_TO_ITSELF
+
+        return 1 if self._obstacles.waits[0] else LEFT_TO_ITSELF
+
+    def leave(self, name: str, rows: Ints) -> None:
+        self._left[name] = rows
+
+    def _note_left(self) -> None:
+        """Note whose impacts on bodies are left to the step that comes; births have come after the rows of their groups
+        that were there."""
+        left = self._site.obstacles.left
+        left[:] = 0
+        for state, first in zip(self.states, self._joined.bounds, strict=False):
+            left[first + self._left.pop(state.name, np.empty(0, np.int64))] = 1
 
     def _refuse_coincident(self, born: Ints, time: float) -> None:
         """Raise DivergenceError for births at the place of another particle, where the force between them has no value."""

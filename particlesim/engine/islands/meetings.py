@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from particlesim.colliders.response import STEADY
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.base import BaseIsland
-from particlesim.engine.rigid.touching import Touching, no_contact
+from particlesim.engine.rigid.touching import contacts_of, no_contact
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.model.arrays import Floats, Ints
-from particlesim.scenario.reach import meetings_of
 from particlesim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -36,18 +34,9 @@ class Meetings:
         self._islands = {
             state.name: island for island in islands for state in island.states if island is not self._bodies
         }
-        self._surfaces: dict[str, Touching] = {}
-        self._states: list[GroupState] = []
         names = [state.name for state in self._bodies.states] if self._bodies is not None else []
-        flat = {body.name: float(body.shape.all_flat()) for body in scenario.bodies}
-        for each in meetings_of(scenario):
-            if each.particles not in self._surfaces:
-                self._surfaces[each.particles] = no_contact(len(names))
-                self._states.append(next(state for state in states if state.name == each.particles))
-            falls, rolls = each.falling or STEADY, (each.rolling, flat[each.bodies])
-            law = (1.0, each.restitution, *each.friction, *falls, *rolls)
-            for column, value in zip(self._surfaces[each.particles], law, strict=True):
-                column[names.index(each.bodies)] = value
+        self._surfaces = contacts_of(scenario, names)
+        self._states = [next(state for state in states if state.name == name) for name in self._surfaces]
         ties = None if self._bodies is None else self._bodies.ties
         self._tied, self._held = ({}, {}) if ties is None else (ties.rows, ties.held)
         for name in self._tied:
@@ -57,6 +46,7 @@ class Meetings:
         self._chosen: list[tuple[GroupState, Ints]] = []
         self._worked: list[float] = []
         self._there: list[tuple[GroupState, Ints]] = []
+        self._slow = np.empty(0, np.bool_)
 
     def __bool__(self) -> bool:
         return bool(self._states)
@@ -73,6 +63,7 @@ class Meetings:
         assert self._bodies is not None
         bodies, ties = self._bodies.bodies(), self._bodies.ties
         self._chosen = ties.on_rods()
+        swift = [np.zeros(len(rows), np.int64) for _, rows in self._chosen]
         for state in self._states:
             n = state.count
             x, v = (np.ascontiguousarray(each[:, :n], float) for each in (state.x, state.v))
@@ -82,7 +73,10 @@ class Meetings:
                 near_bodies(bodies, touch, x, v, radius, self._dt, near)
             near[self._tied.get(state.name, [])] = 1
             near[self._held.get(state.name, [])] = 0
-            self._chosen.append((state, np.flatnonzero(near)))
+            rows = np.flatnonzero(near)
+            alone = self._islands[state.name].meets_bodies(state.name)
+            swift.append(np.where(near[rows] > 1, alone, 0))
+            self._chosen.append((state, rows))
         names = (*self._held, *self._surfaces)
         surfaces = np.array([np.array(self._surfaces[name]) for name in names]).transpose(1, 0, 2)
         number = sum(len(rows) for rows in self._held.values())
@@ -92,7 +86,9 @@ class Meetings:
         gain, besides = ties.gain(self._chosen), self._bodies.loads.awaited(ids)
         load = np.where(hang > 0, np.concatenate([gain, np.zeros_like(gain)]), besides)
         self._bodies.guests = tuple(state.name for state, _ in self._chosen)
-        self._bodies.visitors = among(self._chosen, np.ascontiguousarray(surfaces), load, number, hang)
+        self._bodies.visitors = among(
+            self._chosen, np.ascontiguousarray(surfaces), load, number, hang, np.concatenate(swift)
+        )
         self._bodies.pull_on = self._accelerations
 
     def _accelerations(self, time: float, probe: Floats | None) -> tuple[Floats, Floats]:
@@ -141,6 +137,7 @@ class Meetings:
             part = slice(first, first + len(rows))
             first += len(rows)
             changed = after.moved[part]
+            self._islands[state.name].leave(state.name, rows[after.alone[part]])
             rows = rows[changed]
             if state.name in self._tied:
                 self._note(state, rows, after.shift[:, part][:, changed], after.v[:, part][:, changed])
@@ -158,6 +155,7 @@ class Meetings:
             for state, rows in self._chosen
         ]
         self._there = [(state, state.id[rows]) for state, rows in self._chosen]
+        self._slow = visitors.swift == 0
         self._bodies.loads.leave(loose, after.forces[:, visitors.tied == 0])
         self._worked = self._contact_work()
 
@@ -165,6 +163,7 @@ class Meetings:
         """After all islands have made a step: rods from bodies to particles fit again."""
         if self._bodies is None or not self._states:
             return None
+        self._bodies.take_blows()
         self._bodies.loads.arrive(self._dt)
         self._hold()
         if not self._bodies.ties:
@@ -188,6 +187,7 @@ class Meetings:
                 turning[:, part] = state.angular_velocity[:, mine]
             first += len(mine)
         here = np.concatenate([np.empty(0, np.int64), *rows]) >= 0
+        here &= self._slow  # others may have left since
         found = self._bodies.hold_guests(x, v, turning, here.astype(np.int64)) if number else None
         if found is None:
             return

@@ -50,12 +50,14 @@ from particlesim.engine.rigid.kernel import (
 )
 from particlesim.engine.rigid.loads import Loads
 from particlesim.engine.rigid.memory import copy_of, larger
+from particlesim.engine.rigid.obstacles import Obstacles, begin_step, end_step, give, obstacles_of
 from particlesim.engine.rigid.rods import held_rows, rod_lines, seats_of
 from particlesim.engine.rigid.room import no_room
 from particlesim.engine.rigid.spring_layout import body_springs, lines
 from particlesim.engine.rigid.springs import stored
 from particlesim.engine.rigid.stiffness import longest_step
 from particlesim.engine.rigid.ties import Ties
+from particlesim.engine.rigid.touching import Touching, contacts_of, no_contact
 from particlesim.engine.rigid.visit import (
     Left,
     Visitors,
@@ -106,6 +108,8 @@ class RigidIsland(BaseIsland):
         self._still = still_of(groups, owner)
         self._shapes = tuple(group.shape for group in groups)
         self._seen: tuple[tuple[Any, ...], Bodies] | None = None
+        self._obstacles: Obstacles | None = None
+        self._blows: list[Floats] = []
         self._motion = new_motion(count)
         offset = dict(zip((group.name for group in groups), self._joined.bounds, strict=False))
         held = held_rows(scenario, particles)
@@ -159,6 +163,29 @@ class RigidIsland(BaseIsland):
         if seen is None or n != seen[1].w.size or any(map(operator.is_not, arrays, seen[0])):
             seen = self._seen = arrays, Bodies(*(each[:, :n] for each in arrays), *self._still)
         return seen[1]
+
+    def in_the_way_of(self, groups: Sequence[str]) -> Obstacles | None:
+        """The bodies, for particles of these groups in an island; None if they touch none."""
+        names = [state.name for state in self.states]
+        found = contacts_of(self._scenario, names)
+        if not any(name in found for name in groups):
+            return None
+        if self._obstacles is None:
+            self._obstacles = obstacles_of(self.bodies(), waits=self._scene.hearing is not None)
+        laws = (found.get(name) or no_contact(len(names)) for name in groups)
+        touching = Touching(*(np.array(column) for column in zip(*laws, strict=True)))
+        mine = np.zeros_like(self._obstacles.given)
+        self._blows.append(mine)
+        return self._obstacles._replace(touching=touching, mine=mine)
+
+    def take_blows(self) -> None:
+        """After all islands have made a step: bodies get what particles have given them that others sent to them."""
+        b = self.bodies()
+        before = 0.0 if self.books is None else _kinetic(b, self._motion)
+        if self._obstacles is not None and give(self._obstacles, b):
+            self.fit()
+            if self.books is not None:
+                self.books.add("contact", _kinetic(b, self._motion) - before)
 
     def _close(self) -> None:
         """Close all joints at the start, where ends miss each other by rounding and lengths by a little."""
@@ -236,6 +263,10 @@ class RigidIsland(BaseIsland):
     def _receive(self, step: int, visitors: Visitors) -> Fault | None:
         """A step with particles among the bodies."""
         b, report = self.bodies(), np.zeros(2)
+        if self._obstacles is not None:
+            begin_step(self._obstacles, b)
+            for given in (self._obstacles.given, *self._blows):
+                given[:] = 0.0
         whole, scene, motion = self._received(b, visitors)
         guests, hurried = scene.guests, (self.watch.copy(), self.tired.copy())
         if self._asked and self.pull_on is not None:  # as it would be asked for again
@@ -256,6 +287,8 @@ class RigidIsland(BaseIsland):
             self.watch[:], self.tired[:] = hurried
             report[0] = GOOD
         self._have(whole)
+        if self._obstacles is not None:
+            end_step(self._obstacles, b)
         self.told = share_out(scene.hearing, self._scene.hearing)
         self._asked, self.visitors = lies(guests), visitors
         self.left = left(whole, guests, visitors, self.dt)

@@ -35,6 +35,12 @@ HOPS = 48
 """Steps of Newton's method at most."""
 NEAR = 1e-6
 """Distance that counts as touching, in units of the smallest size of a piece."""
+FAST = 0.5
+"""Way relative to a body in a step, in radii, from which on it matters whom else a particle meets first."""
+SOON = 1e-6
+"""Part of a step within which what waited for an impact on a body has it, and meets nobody else before."""
+LEFT_TO_ITSELF = 2
+"""For `swift`: that a guest does not even wait, after its own step, for the impacts that are left to that."""
 LEFT = 0.01
 """The part of the overlap that bodies are left which guests are."""
 GRAINS = 1 << 48
@@ -49,7 +55,8 @@ class Guests(NamedTuple):
     Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
     [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n]; the force of what acts on
     particles alone [N] [3, n] (`other`); which of them springs and rods tie to bodies, and for which it counts [n]
-    (`awaits`): for what is tied, and for what touches something already. How many of the first ones rods hold. How much what
+    (`awaits`): for what is tied, and for what touches something already; whose impacts are left to their own step, as they
+    come far in it, 1, or 2 where it gives these, too [n] (`swift`). How many of the first ones rods hold. How much what
     else acts on those that are not tied accelerates them at its beginning [m/s²] [3, n] (`pull`), once that has been `asked`
     for [1]: not before one of them touches something, 1, or hits it, 2. About where the impulse of an impact will shift them
     [3, n] (`probe`), and how much faster that makes what acts on them pull them back, for every metre [1/s²] [n] (`bend`).
@@ -73,6 +80,7 @@ class Guests(NamedTuple):
     other: Any
     tied: Any
     awaits: Any
+    swift: Any
     held: int
     pull: Any
     asked: Any
@@ -130,7 +138,8 @@ def inside(p: Any, s: Any, a: Any) -> Any:
 
 @kernel
 def near_bodies(b: Any, touch: Any, x: Any, v: Any, radius: Any, h: Any, near: Any) -> None:
-    """Which particles may come to bodies within a time h, into near [n]; `touch` [groups]: bodies that they touch."""
+    """Which particles may come to bodies within a time h, into near [n], 2 of those that come far by then for their size;
+    `touch` [groups]: bodies that they touch."""
     for i in range(b.w.size):
         if touch[b.group[i]] > 0:
             for m in range(radius.size):
@@ -138,7 +147,8 @@ def near_bodies(b: Any, touch: Any, x: Any, v: Any, radius: Any, h: Any, near: A
                 u = (v[0, m] - b.v[0, i], v[1, m] - b.v[1, i], v[2, m] - b.v[2, i])
                 reach = b.reach[i] + radius[m] + 1.5 * h * np.sqrt(dot(u, u))
                 if dot(d, d) < reach * reach:
-                    near[m] = 1
+                    swift = h * np.sqrt(dot(u, u)) > FAST * radius[m]
+                    near[m] = max(near[m], 2 if swift else 1)
 
 
 @kernel
@@ -183,7 +193,8 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                     begin = k.number[0]
                     for number in range(p.first[group], p.first[group + 1]):
                         s = solid_of(p, number, x, r)
-                        follow(p, s, k, i, guest, guests.id[m], at, u, radius, slop, h, found, best)
+                        if guests.swift[m] < LEFT_TO_ITSELF or not falls_on(p, s, at, u, slop, h, found):
+                            follow(p, s, k, i, guest, guests.id[m], at, u, radius, slop, h, found, best)
                     meet(guests, b, k, begin, kind, group)
                     if best[0, 0] < had:
                         which = i
@@ -192,7 +203,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
         if guests.awaits[m] == 0:
             for axis in range(3):
                 guests.other[axis, m] = 0.0
-        if 0 < best[0, 0] <= h:
+        if 0 < best[0, 0] <= (SOON * h if guests.swift[m] > 0 else h):
             group, begin, when = b.group[which], k.number[0], best[0, 0] - 0.5 * h
             n, beside = on_impact(p, b, motion, which, guest, int(best[0, 1]), when, found)
             guests.when[m] = when
@@ -260,6 +271,12 @@ def roll(b: Any, k: Any, c: Any, friction: Any, flat: Any) -> None:
         size, other = b.reach[guest], abs(dot(minus(at, place(b, i)), n))
         k.turns[number], k.aim[0, number] = ROLL, c
         k.aim[1, number] = size if flat > 0 else size * other / (size + other)
+
+
+def falls_on(p: Any, s: Any, at: Any, u: Any, slop: Any, h: Any, found: Any) -> Any:
+    """Whether a guest comes to a piece, or further into it, by more than contacts tolerate in a step."""
+    _, n = away_from(p, s, plus(at, -0.5 * h, u), found)
+    return -h * dot(u, n) > slop
 
 
 @outlined

@@ -77,7 +77,7 @@ class Ties:
             np.zeros((6, number)),
             number if held else 0,
         )
-        return among(chosen, *nothing, np.ones(number, np.int64))
+        return among(chosen, *nothing, np.ones(number, np.int64), np.zeros(number, np.int64))
 
     def on_rods(self) -> list[tuple[GroupState, Ints]]:
         """The particles that rods hold: groups, and rows of them."""

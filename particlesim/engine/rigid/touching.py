@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from particlesim.colliders.response import STEADY
 from particlesim.model.arrays import Floats
+from particlesim.scenario.reach import meetings_of
+from particlesim.scenario.scenario import Scenario
 
 
 class Touching(NamedTuple):
@@ -22,6 +26,19 @@ class Touching(NamedTuple):
     exponent: Floats
     rolling: Floats
     flat: Floats
+
+
+def contacts_of(scenario: Scenario, bodies: Sequence[str]) -> dict[str, Touching]:
+    """What contact with these groups of bodies does, by the names of the groups of particles that touch some."""
+    flat = {body.name: float(body.shape.all_flat()) for body in scenario.bodies}
+    found: dict[str, Touching] = {}
+    for each in meetings_of(scenario):
+        mine = found.setdefault(each.particles, no_contact(len(bodies)))
+        falls, rolls = each.falling or STEADY, (each.rolling, flat[each.bodies])
+        law = (1.0, each.restitution, *each.friction, *falls, *rolls)
+        for column, value in zip(mine, law, strict=True):
+            column[bodies.index(each.bodies)] = value
+    return found
 
 
 def no_contact(bodies: int) -> Touching:

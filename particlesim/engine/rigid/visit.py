@@ -21,7 +21,7 @@ class Visitors(NamedTuple):
     moments of inertia, infinite for those that do not turn, kinds, radii, ids [n]; contact by kind and group of bodies
     [kinds, groups]; by how much what else acts on them changes their velocities in a step [3, n], of what is not tied to
     bodies without its forces before these are known, and moves them beyond half of that (`beyond` [3, n]); which of them
-    springs and rods tie to bodies [n]; how many of them, the first ones, rods hold."""
+    springs and rods tie to bodies, and whose impacts are left to their own step [n]; how many of them, the first ones, rods hold."""
 
     x: Floats
     v: Floats
@@ -42,18 +42,20 @@ class Visitors(NamedTuple):
     gain: Floats
     beyond: Floats
     tied: Ints
+    swift: Ints
     held: int = 0
 
 
 class Left(NamedTuple):
     """Visitors after a step: new velocities and angular velocities, by how much they are to be moved [3, n], whether
-    anything has touched them [n], and by how much forces change their velocities [m/s], no numbers where none
+    anything has touched them, and whose impacts are left to their own step [n], and by how much forces change their velocities [m/s], no numbers where none
     lies on a body [3, n]."""
 
     v: Floats
     turning: Floats
     shift: Floats
     moved: Ints
+    alone: Ints
     forces: Floats
 
 
@@ -63,6 +65,7 @@ def among(
     load: Floats,
     held: int,
     tied: Ints,
+    swift: Ints,
 ) -> Visitors:
     """Some rows of groups as visitors, with what contact of each group does, as `Touching`
     [fields, kinds, groups of bodies], and `load`, which
@@ -81,7 +84,7 @@ def among(
         parts.append((x, v, spin, weight, inertia, np.full(len(rows), kind), radius, state.id[rows]))
     columns = [np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)]
     load = np.where(columns[3] > 0, load, 0.0)
-    return Visitors._make([*columns, *surfaces, load[:3], load[3:], tied, held])
+    return Visitors._make([*columns, *surfaces, load[:3], load[3:], tied, swift, held])
 
 
 def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
@@ -106,7 +109,7 @@ def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
             *(each.copy() for each in columns),
             *scratch,
             _others(visitors, h),
-            *(visitors.tied.copy(), np.zeros(n, np.int64)),
+            *(visitors.tied.copy(), np.zeros(n, np.int64), visitors.swift.astype(np.int64)),
             visitors.held,
             *known,
         ]
@@ -130,7 +133,7 @@ def joined(b: Bodies, visitors: Visitors) -> Bodies:
 def renew(guests: Guests, visitors: Visitors, h: float) -> None:
     """The same visitors in another step."""
     guests.other[:] = _others(visitors, h)
-    guests.tied[:] = visitors.tied
+    guests.tied[:], guests.swift[:] = visitors.tied, visitors.swift
     guests.pull[:], guests.asked[0], guests.bend[:] = 0.0, 0, 0.0
 
 
@@ -191,4 +194,5 @@ def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
     # Rods give impulses at the beginning and at the end of the step, too: only the places at its ends tell.
     shift[:, :held] = (x - visitors.x - h * (v + 0.5 * gain))[:, :held]
     forces = h * guests.pull if lies(guests) else np.full_like(shift, np.nan)
-    return Left(v, spin / visitors.inertia, shift, moved, forces)
+    alone = (guests.swift > 0) & (guests.when == 0)
+    return Left(v, spin / visitors.inertia, shift, moved, alone, forces)

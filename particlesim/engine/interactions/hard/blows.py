@@ -8,7 +8,7 @@ may be larger, so that both do not go on into each other, but no larger than tha
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from particlesim.engine.interactions.hard.turns import BLOWS, bounces_at
 from particlesim.engine.interactions.hard.walls import FLAT, colliders_of, whole
 from particlesim.engine.interactions.hard.ways import (
     BEGUN,
+    BEND,
     ENDS,
     HIT,
     IMPACTS,
@@ -29,6 +30,8 @@ from particlesim.engine.interactions.hard.ways import (
     SIDE,
     WALL,
     carry,
+    excess,
+    leg_of,
     let_go,
     place_at,
     stand_at,
@@ -48,6 +51,20 @@ ROUNDING = 1e-12
 TOUCHES, LEAVES, MOST_STRIDES = 1e-9, 0.05, 256
 """Gap to a collider at which a particle hits it, and what it goes without a look where it leaves one, as parts of its
 radius; strides on the way to a collider at most, where it is taken to be then."""
+
+
+class Blow(NamedTuple):
+    """What a particle brings to an impact on a rigid body at time s of a step: its place, velocity and angular velocity, None
+    where it has none; the normal of the body; its radius and 1/m; up to which approach it does not rebound; and s."""
+
+    at: Any
+    v: Any
+    turning: Any
+    n: Any
+    r: Any
+    light: Any
+    slow: Any
+    s: Any
 
 
 def dot(a: Any, b: Any) -> Any:
@@ -211,7 +228,7 @@ def end_rolling(each: Any, c: Any, i: Any, j: Any, n: Any, change: Any) -> None:
 
 
 def find_wall(w: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
-    """Find out when a particle comes to a collider on its way, which it has not gone before."""
+    """Find out when a particle comes to a collider or a rigid body on its way, which it has not gone before."""
     k = 0
     w.when[WALL, i] = np.inf
     for part in parts:
@@ -221,6 +238,29 @@ def find_wall(w: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
                 if soonest < w.when[WALL, i]:
                     w.when[WALL, i], w.what[SIDE, i] = soonest, k
             k += 1
+    if w.obstacles is not None and may_meet(w, i):
+        find_body(w, c, i, w.when[BEGUN, i])
+
+
+@outlined
+def find_body(w: Any, c: Any, i: Any, s: Any) -> None:
+    """Find out when a particle comes to a rigid body on its leg from time s on, if that is before it comes to a collider."""
+    o, (begun, x, go) = w.obstacles, leg_of(w, i, s)
+    x = (x[0] + (s - begun) * go[0], x[1] + (s - begun) * go[1], x[2] + (s - begun) * go[2])
+    ends = w.when[BEND, i] if s < w.when[BEND, i] else w.when[ENDS, i]
+    soonest, body, pace, n = type(o).find(o, x, go, float(c.r[i]), i, s, min(ends, w.when[ENDS, i]))
+    if soonest < w.when[WALL, i]:
+        w.when[WALL, i], w.what[SIDE, i] = soonest, -1 - body
+        for axis in range(3):
+            w.met[axis, i], w.met[3 + axis, i] = pace[axis], n[axis]
+
+
+def may_meet(w: Any, i: Any) -> Any:
+    """Whether a particle is moved by impulses, and does not go with the surface of a body that it has come to."""
+    with_it = w.what[SIDE, i] < 0
+    for axis in range(3):
+        with_it = with_it & (w.go[axis, i] == w.met[axis, i])
+    return (w.light[i] > 0) & (w.what[IMPACTS, i] < MOST_IMPACTS) & (not with_it)
 
 
 @outlined
@@ -267,13 +307,51 @@ def on_way(w: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> Any:
 
 
 def hit_wall(w: Any, fed: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
-    """The impact of a particle on the collider that is next on its way."""
+    """The impact of a particle on the collider, or the rigid body, that is next on its way."""
     k = 0
+    if w.obstacles is not None and w.what[SIDE, i] < 0:
+        meet_body(w, fed, c, i, h)
     for part in parts:
         for collider in colliders_of(part):
             if k == w.what[SIDE, i]:
                 bounce_off(w, fed, collider, part.rolling, c, i, t, h)
             k += 1
+
+
+@outlined
+def meet_body(w: Any, fed: Any, c: Any, i: Any, h: Any) -> None:
+    """The rebound of a particle from the rigid body that is next on its way. It goes on beside it, at least as fast as the
+    surface does."""
+    o, s, body = w.obstacles, w.when[WALL, i], -1 - w.what[SIDE, i]
+    stand_at(w, i, s, h)
+    w.what[HIT, i] = 1
+    if (o.waits[0] == 0) & (w.what[IMPACTS, i] < MOST_IMPACTS - 1):
+        pace, n = row(w.met, i), (w.met[3, i], w.met[4, i], w.met[5, i])
+        slow, turning = REST * abs(dot(row(w.force, i), n)), None if c.spin is None else row(w.spin, i)
+        v = velocity_at(w, i, s)
+        blow = Blow(row(w.at, i), v, turning, n, float(c.r[i]), w.light[i], slow, s)
+        change, turn = type(o).strike(o, i, body, blow)
+        push(w, i, 1.0, change, s, h)
+        add(w.spin, i, 1.0, turn)
+        w.what[IMPACTS, i] += 1
+        into, had = dot(minus(pace, row(w.go, i)), n), excess(w, i, s, h)
+        if into > 0:
+            add(w.go, i, into, n)
+            carry(w, i, s, n)
+            book(fed, max(excess(w, i, s, h) - had, 0.0) / w.light[i])
+    else:
+        tire(w, fed, i, s, h)
+        ride(w, fed, i, s, h)
+
+
+def ride(w: Any, fed: Any, i: Any, s: Any, h: Any) -> None:
+    """Have a particle that has come to a rigid body at time s of a step of h go with the surface there until the end of the
+    step, as if time stood still for it: it rebounds as a guest of the bodies in the next one."""
+    force, pace = minus(row(w.force, i), row(w.carried, i)), row(w.met, i)
+    rest(w, fed, i, s, h)
+    for axis in range(3):
+        w.go[axis, i] = pace[axis]
+    book(fed, max(-(w.when[ENDS, i] - s) * dot(force, pace), 0.0) / (w.light[i] * float(h)))
 
 
 @outlined

@@ -360,7 +360,10 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     bench = new_bench(room, sides, colliders * len(site.state) + 1, count, site.dtype, rolls)
     known = new_known(room + sides, count, site.dtype, rolls)
     lag = methods_of(site.scenario)[pairs.groups[0]].lag
-    ways, side = site.common.setdefault("ways", new_ways(count, lag)), sides_of(found.near, count)
+    ways, side = (
+        site.common.setdefault("ways", new_ways(count, lag, site.obstacles)),
+        sides_of(found.near, count),
+    )
     heard = overheard_of(site, pairs.groups)
     return Impulses(*found, bench, np.zeros(3, np.int64), np.zeros(2), known, ways, side, heard)
 

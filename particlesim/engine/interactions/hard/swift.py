@@ -1,11 +1,12 @@
 """Swift hard grains: whom a particle meets within a step that is long for its size, found before it passes it.
 
 Contacts look at overlaps at the end of a step. Two that move relative to each other by more than `FAST` of the sum of their
-radii in a step may have passed each other then. So all whose way relative to the mean of all is more than a half of that are
-followed along their ways (`ways`) from impact to impact (`swept`, `blows`), in the order of time, and of rows at one time.
-After an impact both go on with the velocities that they have then, and are followed, whoever they are, also to colliders.
-What colliders have thrown back more than once is followed from the beginning (`follow_anew`). What else nobody hits keeps
-its bits, and where nobody is swift nothing is done but to look at that.
+radii in a step may have passed each other then. So all whose way relative to the mean of all, or by itself where there are
+rigid bodies, is more than a half of that are followed along their ways (`ways`) from impact to impact (`swept`, `blows`), in
+the order of time, and of rows at one time. After an impact both go on with the velocities that they have then, and are
+followed, whoever they are, also to colliders and to bodies. What colliders have thrown back more than once is followed from
+the beginning (`follow_anew`). What else nobody hits keeps its bits, and where nobody is swift nothing is done but to look at
+that.
 
 Ways are cut into laps, each as long as some spaces between particles, so that a particle is compared with what is near to it
 at about that time. Laps and boxes only say whom to compare: impacts do not depend on them, nor on the order of neighbours.
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined, shared
-from particlesim.engine.interactions.hard.blows import find_wall, hit_wall, put_back, strike
+from particlesim.engine.interactions.hard.blows import find_body, find_wall, hit_wall, put_back, strike
 from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next
 from particlesim.engine.interactions.hard.thrown import bend_ways, size_of, unexplained
 from particlesim.engine.interactions.hard.ways import (
@@ -64,6 +65,8 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, t: Any, h: A
     w, fed = sets[0].ways, sets[0].fed
     f = Field(w, c.r, tuple(each.side for each in sets), sets[0].near.box)
     w.number[STRUCK] = 0
+    if w.obstacles is not None:
+        type(w.obstacles).begin(w.obstacles)
     if some_swift(f, c, before):
         begin_ways(f, sets[0].a, c, before, t, h)
         bend_ways(w, parts, c, before, t, h)
@@ -102,13 +105,22 @@ def some_swift(f: Any, c: Any, before: Any) -> bool:
             mean = moved_by(mean, 1.0, tuple(float(columns[k][i]) - float(before[k, i]) for k in range(3)))
             r = float(c.r[i])
             least = r if (r > 0) & (r < least) else least
-    mean, swift = moved_by((0.0, 0.0, 0.0), 1.0 / max(number, 1), mean), False
+    mean, swift = of_all(f, mean, number), False
     for i in range(c.x.size):
         if is_member(f.sides, i):
             d = tuple(float(columns[k][i]) - float(before[k, i]) - mean[k] for k in range(3))
             size = 0.5 * FAST * (float(c.r[i]) + least)
             swift = swift | (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > size * size)
-    return swift & (number > 1) & (least < np.inf)
+            if f.ways.obstacles is not None:
+                swift = swift | (f.ways.obstacles.left[i] > 0)
+    return swift & ((number > 1) | (f.ways.obstacles is not None)) & (least < np.inf)
+
+
+def of_all(f: Any, total: Any, number: Any) -> Any:
+    """The way that ways are seen from: the mean of so many, or none where they may lead to rigid bodies."""
+    if f.ways.obstacles is not None:
+        return 0.0, 0.0, 0.0
+    return moved_by((0.0, 0.0, 0.0), 1.0 / max(number, 1), total)
 
 
 @shared
@@ -125,11 +137,13 @@ def choose(f: Any, alone: bool, h: Any) -> int:
             mean = moved_by(moved_by(mean, 1.0, y), -1.0, x)
             r = float(f.r[i])
             least = r if (r > 0) & (r < least) else least
-    mean = moved_by((0.0, 0.0, 0.0), 1.0 / max(number, 1), mean)
+    mean = of_all(f, mean, number)
     for i in range(w.light.size):
         if w.when[ENDS, i] > 0:
             way = longest(w, i, mean, alone, h)
             if way > 0.5 * FAST * (float(f.r[i]) + least):
+                w.what[FOLLOWED, i] = 1
+            if w.obstacles is not None and w.obstacles.left[i] > 0:
                 w.what[FOLLOWED, i] = 1
             total += min(way, 1e300)
     if number == 0:
@@ -141,7 +155,8 @@ def choose(f: Any, alone: bool, h: Any) -> int:
 
 def follow_anew(f: Any, alone: bool, parts: Any, c: Any, t: Any, h: Any) -> None:
     """Have swift particles that colliders have thrown back more than once in the step, on ways that are not known, take them
-    again, from impact to impact on colliders. They end where these lead if there is more than one."""
+    again, from impact to impact on colliders. They end where these lead if there is more than one. Others may come to bodies:
+    those that these have left to this, and after colliders have thrown them back once."""
     w = f.ways
     for i in range(w.light.size):
         if (w.what[FOLLOWED, i] > 0) & is_unknown(w, i, alone):
@@ -151,6 +166,11 @@ def follow_anew(f: Any, alone: bool, parts: Any, c: Any, t: Any, h: Any) -> None
                 begin_as_before(w, i, begun)
             else:
                 w.what[THROWN, i], w.what[HIT, i] = COLLIDER, ANEW
+        elif w.obstacles is not None and w.what[FOLLOWED, i] > 0:
+            if w.obstacles.left[i] > 0:
+                find_body(w, c, i, w.when[BEGUN, i])
+            if (w.when[BEND, i] < STRAIGHT) & (w.when[WALL, i] == np.inf):
+                find_body(w, c, i, w.when[BEND, i])
 
 
 def moved_by(x: Any, part: Any, y: Any) -> Any:

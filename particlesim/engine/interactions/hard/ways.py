@@ -27,7 +27,7 @@ another particle and on a collider; a way bends after 1 if it does not, and ends
 TURNED, PARTNER, SEEN, SLOT, IMPACTS, SIDE, FOLLOWED, THROWN, LAW, HIT = range(10)
 """Rows of `what`: how often a way has changed, with whom its next impact is, how often that one's way had changed when that
 was found, where it is in the queue, counted from 1, 0 if it is not, how many impacts it has had in the step, which collider
-is next, whether it is looked at where it goes, what has thrown it back before, if something has, by which of all contacts
+is next, or which body as −1 and less, whether it is looked at where it goes, what has thrown it back before, if something has, by which of all contacts
 its next impact is, and whether another particle has hit it."""
 SOMETHING, COLLIDER, LIES = 1, 2, 3
 """For THROWN: that it moves as no method does, that a collider has thrown it back, and that it lies on one, or hops no
@@ -52,6 +52,9 @@ class Ways(NamedTuple):
     next [3, n] [m]; its inverse mass, 0 of what nothing moves [n] [1/kg]; what to add to its place in a periodic box for an
     image inside [3, n] [m].
 
+    Bodies in the step (`rigid.obstacles`), None where these particles touch none, and how far the surface that each comes
+    to goes in the step [m], with the normal there (`met` [6, n]).
+
     The queue of impacts [n], and how many there are, and more [2]; by which part of a step velocities are late [1]. Of one
     impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in
     space are neighbours [room], −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and
@@ -74,6 +77,8 @@ class Ways(NamedTuple):
     image: Any
     light: Any
     wrap: Any
+    obstacles: Any
+    met: Any
     queue: Any
     number: Any
     late: Any
@@ -96,8 +101,9 @@ class Field(NamedTuple):
     box: Any
 
 
-def new_ways(particles: int, lag: float) -> Ways:
-    """Room for the ways of the particles of an island, by whose method velocities are late by a part `lag` of a step."""
+def new_ways(particles: int, lag: float, obstacles: Any) -> Ways:
+    """Room for the ways of the particles of an island, by whose method velocities are late by a part `lag` of a step, with
+    bodies in their way, None if there are none."""
     at, go, bend, on, speed, first, force, carried, spin, spun = (np.zeros((3, particles)) for _ in range(10))
     groups = max(-(-particles // GROUP), 1)
     levels, bits = level_starts(groups), max(particles.bit_length() // 3, 1)
@@ -108,6 +114,8 @@ def new_ways(particles: int, lag: float) -> Ways:
         np.zeros((3, particles)),
         np.zeros(particles),
         np.zeros((3, particles)),
+        obstacles,
+        np.zeros((6, 0 if obstacles is None else particles)),
         np.zeros(particles, np.int64),
         np.zeros(2, np.int64),
         np.array([lag]),
@@ -323,16 +331,24 @@ def velocity_at(w: Any, i: Any, s: Any) -> Any:
     )
 
 
-def stay(w: Any, i: Any, s: Any, h: Any) -> Any:
-    """Have a particle stay where its way begins, at time s of a step of h; as if time stood still, nothing acts on it, too.
-    Returns the energy that it ends with and would not have had, over its mass: where others had turned its way [J/kg]."""
+def excess(w: Any, i: Any, s: Any, h: Any) -> Any:
+    """By how much a way from time s of a step of h on gives a particle more energy than forces do along it, over its mass
+    [J/kg]."""
     left, v, more = w.when[ENDS, i] - s, velocity_at(w, i, s), 0.0
     for axis in range(3):
         force = w.force[axis, i]
-        more += (force - w.carried[axis, i]) * w.go[axis, i] / float(h) - force * (
-            v[axis] + 0.5 * left * force
+        more += force * (v[axis] + 0.5 * left * force) - (force - w.carried[axis, i]) * w.go[axis, i] / float(
+            h
         )
+    return left * more
+
+
+def stay(w: Any, i: Any, s: Any, h: Any) -> Any:
+    """Have a particle stay where its way begins, at time s of a step of h; as if time stood still, nothing acts on it, too.
+    Returns the energy that it ends with and would not have had, over its mass: where others had turned its way [J/kg]."""
+    more = -excess(w, i, s, h)
+    for axis in range(3):
         w.speed[axis, i] -= (w.when[ENDS, i] - s - w.late[0]) * w.force[axis, i]
         w.carried[axis, i] -= w.force[axis, i]
         w.go[axis, i] = w.force[axis, i] = 0.0
-    return max(left * more, 0.0)
+    return max(more, 0.0)
