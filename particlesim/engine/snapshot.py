@@ -74,6 +74,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
             "_kept",
             "_kept_memory",
             *("_made", "_springs", "_order", "_scenario", "_particles", "_party", "_crew"),
+            *("_seen", "_obstacles", "_blows"),
             "kept_from",
             "impacts",
         )
@@ -84,7 +85,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
     "CoupledIsland": frozenset(
         {
             *("names", "kept_from", "_scenario", "_structure", "_joined", "_stepper", "_site", "_sets"),
-            *("_books", "_kept", "_method", "impacts"),
+            *("_books", "_kept", "_method", "impacts", "_obstacles", "_left"),
         }
     ),
     "Layout": frozenset(

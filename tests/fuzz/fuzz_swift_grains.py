@@ -37,7 +37,7 @@ the sum of their radii relative to each other is left to the end of the step."""
 TURN = 0.3
 """Angle by which the rigid body turns in a step from which on its sides are not where chords of its way have them."""
 SUNK = 0.5
-"""How deep a centre may be in the body, over its radius: a method's own end after one rebound off a wall is not looked at."""
+"""How deep a centre may be in the body, over its radius: where a method ends after one rebound off a wall is its own."""
 GAIN = 1e-5
 """What a step may add to the energy, as a part of it: what slow contacts book is not exact."""
 

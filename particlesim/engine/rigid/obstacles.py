@@ -6,9 +6,10 @@ step that is over. A particle comes nearer to a surface by no more than |u| + φ
 the reach R of the body; so it goes as far as that is away, again and again (conservative advancement).
 
 What is slow, or lies on a body, has been its guest by then (`grains`). This is for what comes far in a step, whom it meets
-first, and for what others have sent to a body. Its impulses change the velocities that bodies have at the end of the step, and not their ways in it: so energy is kept, or lost,
-impact by impact, as that of grains is (`engine.interactions.hard.blows`). With the normal n of the body, the place a of the
-impact relative to its centre, and w = 1/m and I of both the impulse and its friction are
+first, and for what others have sent to a body. Its impulses change the velocities that bodies have at the end of the step,
+and not their ways in it: energy is kept, or lost, impact by impact, as that of grains is (`interactions.hard.blows`). With
+the normal n of the body, the place a of the impact relative to its centre, and w = 1/m and I of both the impulse and its
+friction are
 
     P = (1 + e) u_n/(w₁ + w₂ + (a × n)·I₂⁻¹ (a × n)),   |T| ≤ μ P,   T = u_t/(7/2 w₁ + w₂ + (a × t)·I₂⁻¹ (a × t)) at most,
 
@@ -38,11 +39,12 @@ SINKS = 1e-4
 
 
 class Obstacles(NamedTuple):
-    """Bodies: the pieces of their shapes, group [b], reach [b], 1/m [b] and principal moments of inertia [3, b] of each; place
-    [3, b] and orientation [4, b] at the beginning of a step, by how much they move [3, b] and turn [3, b] in it; velocity
-    [3, b], angular momentum [3, b] and orientation [4, b] at its end, and by how much particles have changed both since
-    (`given` [6, b]), those of this island alone (`mine`). Their contact with particles [kinds, groups]; the kind of each
-    particle, and 1 where its impacts on bodies in the step are left to it, as it is swift [n]. Whether what comes to them waits there for its impact until the next step, as emitters hear of impacts."""
+    """Bodies: the pieces of their shapes, group [b], reach [b], 1/m [b] and principal moments of inertia [3, b] of each;
+    place [3, b] and orientation [4, b] at the beginning of a step, by how much they move [3, b] and turn [3, b] in it;
+    velocity [3, b], angular momentum [3, b] and orientation [4, b] at its end, and by how much particles have changed both
+    since (`given` [6, b]), those of this island alone (`mine`). Their contact with particles [kinds, groups]; the kind of
+    each particle, and 1 where its impacts on bodies in the step are left to it, as it is swift [n]. Whether what comes to
+    them waits there for its impact until the next step, as emitters hear of impacts [1]."""
 
     pieces: Any
     group: Any
@@ -83,10 +85,12 @@ def obstacles_of(b: Bodies, *, waits: bool) -> Obstacles:
     turn = np.zeros((4, n))
     turn[0] = 1.0
     vectors = [np.zeros((3, n)) for _ in range(5)]
-    return Obstacles(
-        *(b.pieces, b.group, b.reach, b.w, b.inertia, vectors[0], turn, *vectors[1:], turn.copy()),
-        *(np.zeros((6, n)), np.zeros((6, n)), no_contact(0)),
-        *(np.zeros(0, np.int64), np.zeros(0, np.int64), np.array([int(waits)])),
+    left = np.zeros(0, np.int64)
+    return Obstacles._make(
+        [
+            *(b.pieces, b.group, b.reach, b.w, b.inertia, vectors[0], turn, *vectors[1:], turn.copy()),
+            *(np.zeros((6, n)), np.zeros((6, n)), no_contact(0), left, left, np.array([int(waits)])),
+        ]
     )
 
 

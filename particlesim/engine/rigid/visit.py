@@ -21,7 +21,8 @@ class Visitors(NamedTuple):
     moments of inertia, infinite for those that do not turn, kinds, radii, ids [n]; contact by kind and group of bodies
     [kinds, groups]; by how much what else acts on them changes their velocities in a step [3, n], of what is not tied to
     bodies without its forces before these are known, and moves them beyond half of that (`beyond` [3, n]); which of them
-    springs and rods tie to bodies, and whose impacts are left to their own step [n]; how many of them, the first ones, rods hold."""
+    springs and rods tie to bodies, and whose impacts are left to their own step [n]; how many of them, the first ones, rods
+    hold."""
 
     x: Floats
     v: Floats
@@ -48,8 +49,8 @@ class Visitors(NamedTuple):
 
 class Left(NamedTuple):
     """Visitors after a step: new velocities and angular velocities, by how much they are to be moved [3, n], whether
-    anything has touched them, and whose impacts are left to their own step [n], and by how much forces change their velocities [m/s], no numbers where none
-    lies on a body [3, n]."""
+    anything has touched them, and whether impacts on bodies are left to them [n], and by how much forces change their
+    velocities [m/s], no numbers where none lies on a body [3, n]."""
 
     v: Floats
     turning: Floats

@@ -54,8 +54,8 @@ radius; strides on the way to a collider at most, where it is taken to be then."
 
 
 class Blow(NamedTuple):
-    """What a particle brings to an impact on a rigid body at time s of a step: its place, velocity and angular velocity, None
-    where it has none; the normal of the body; its radius and 1/m; up to which approach it does not rebound; and s."""
+    """What a particle brings to an impact on a rigid body at time s of a step: its place, velocity and angular velocity,
+    None where it has none; the normal of the body; its radius and 1/m; up to which approach it does not rebound; and s."""
 
     at: Any
     v: Any

@@ -155,8 +155,8 @@ def choose(f: Any, alone: bool, h: Any) -> int:
 
 def follow_anew(f: Any, alone: bool, parts: Any, c: Any, t: Any, h: Any) -> None:
     """Have swift particles that colliders have thrown back more than once in the step, on ways that are not known, take them
-    again, from impact to impact on colliders. They end where these lead if there is more than one. Others may come to bodies:
-    those that these have left to this, and after colliders have thrown them back once."""
+    again, from impact to impact on colliders. They end where these lead if there is more than one. Others may come to
+    bodies: those whose impacts on them are left to this, and those that colliders have thrown back once."""
     w = f.ways
     for i in range(w.light.size):
         if (w.what[FOLLOWED, i] > 0) & is_unknown(w, i, alone):

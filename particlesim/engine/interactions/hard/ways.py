@@ -27,8 +27,8 @@ another particle and on a collider; a way bends after 1 if it does not, and ends
 TURNED, PARTNER, SEEN, SLOT, IMPACTS, SIDE, FOLLOWED, THROWN, LAW, HIT = range(10)
 """Rows of `what`: how often a way has changed, with whom its next impact is, how often that one's way had changed when that
 was found, where it is in the queue, counted from 1, 0 if it is not, how many impacts it has had in the step, which collider
-is next, or which body as −1 and less, whether it is looked at where it goes, what has thrown it back before, if something has, by which of all contacts
-its next impact is, and whether another particle has hit it."""
+is next, or which body as −1 and less, whether it is looked at where it goes, what has thrown it back before, if something
+has, by which of all contacts its next impact is, and whether another particle has hit it."""
 SOMETHING, COLLIDER, LIES = 1, 2, 3
 """For THROWN: that it moves as no method does, that a collider has thrown it back, and that it lies on one, or hops no
 higher than what lies."""
