@@ -1,12 +1,12 @@
 """Swift hard grains: whom a particle meets within a step that is long for its size, found before it passes it.
 
 Contacts look at overlaps at the end of a step. Two that move relative to each other by more than `FAST` of the sum of their
-radii in a step may have passed each other then. So all whose way relative to the mean of all, or by itself where there are
-rigid bodies, is more than a half of that are followed along their ways (`ways`) from impact to impact (`swept`, `blows`), in
-the order of time, and of rows at one time. After an impact both go on with the velocities that they have then, and are
-followed, whoever they are, also to colliders and to bodies. What colliders have thrown back more than once is followed from
-the beginning (`follow_anew`). What else nobody hits keeps its bits, and where nobody is swift nothing is done but to look at
-that.
+radii in a step may have passed each other then. So all whose way relative to the mean of all is more than a half of that,
+and those whose impacts on rigid bodies are left to this, are followed along their ways (`ways`) from impact to impact
+(`swept`, `blows`), in the order of time, and of rows at one time. After an impact both go on with the velocities that they
+have then, and are followed, whoever they are, also to colliders and to bodies. What colliders have thrown back more than
+once is followed from the beginning (`follow_anew`). What else nobody hits keeps its bits, and where nobody is swift nothing
+is done but to look at that.
 
 Ways are cut into laps, each as long as some spaces between particles, so that a particle is compared with what is near to it
 at about that time. Laps and boxes only say whom to compare: impacts do not depend on them, nor on the order of neighbours.
@@ -105,7 +105,7 @@ def some_swift(f: Any, c: Any, before: Any) -> bool:
             mean = moved_by(mean, 1.0, tuple(float(columns[k][i]) - float(before[k, i]) for k in range(3)))
             r = float(c.r[i])
             least = r if (r > 0) & (r < least) else least
-    mean, swift = of_all(f, mean, number), False
+    mean, swift = mean_of(mean, number), False
     for i in range(c.x.size):
         if is_member(f.sides, i):
             d = tuple(float(columns[k][i]) - float(before[k, i]) - mean[k] for k in range(3))
@@ -116,11 +116,9 @@ def some_swift(f: Any, c: Any, before: Any) -> bool:
     return swift & ((number > 1) | (f.ways.obstacles is not None)) & (least < np.inf)
 
 
-def of_all(f: Any, total: Any, number: Any) -> Any:
-    """The way that ways are seen from: the mean of so many, or none where they may lead to rigid bodies."""
-    if f.ways.obstacles is not None:
-        return 0.0, 0.0, 0.0
-    return moved_by((0.0, 0.0, 0.0), 1.0 / max(number, 1), total)
+def mean_of(total: Any, number: Any) -> Any:
+    """The way that ways are seen from, the mean of so many; that of one alone is seen as it is."""
+    return moved_by((0.0, 0.0, 0.0), 1.0 / number if number > 1 else 0.0, total)
 
 
 @shared
@@ -137,7 +135,7 @@ def choose(f: Any, alone: bool, h: Any) -> int:
             mean = moved_by(moved_by(mean, 1.0, y), -1.0, x)
             r = float(f.r[i])
             least = r if (r > 0) & (r < least) else least
-    mean = of_all(f, mean, number)
+    mean = mean_of(mean, number)
     for i in range(w.light.size):
         if w.when[ENDS, i] > 0:
             way = longest(w, i, mean, alone, h)
