@@ -110,13 +110,10 @@ def end_step(o: Obstacles, b: Bodies) -> None:
     )
 
 
-def give(o: Obstacles, b: Bodies) -> bool:
-    """Bodies get what particles have given them in a step; whether there is anything."""
-    if not o.given.any():
-        return False
+def give(o: Obstacles, b: Bodies) -> None:
+    """Bodies get what particles have given them in a step."""
     b.v[:] += o.given[:3]
     b.spin[:] += o.given[3:]
-    return True
 
 
 def begin(o: Any) -> None:

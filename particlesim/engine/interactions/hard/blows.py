@@ -1,4 +1,4 @@
-"""Impacts of swift hard grains in the midst of a step, on each other and on colliders (`swift`).
+"""Impacts of swift hard grains in the midst of a step, on each other, on colliders and on rigid bodies (`swift`).
 
 Two get what a pair in turns gets (`impulses`), along the line of centres at the time of impact: −(1 + e) v_n and friction
 within Coulomb's cone, with the velocities of that time. Forces go on after it as before, so their work on the way that is
