@@ -180,14 +180,9 @@ class RigidIsland(BaseIsland):
 
     def take_blows(self) -> None:
         """After all islands have made a step: bodies get what particles have given them that others sent to them."""
-        if self._obstacles is None or not self._obstacles.given.any():
-            return
-        b = self.bodies()
-        before = _kinetic(b, self._motion)
-        give(self._obstacles, b)
-        self.fit()
-        if self.books is not None:
-            self.books.add("contact", _kinetic(b, self._motion) - before)
+        if self._obstacles is not None and self._obstacles.given.any():
+            give(self._obstacles, self.bodies())
+            self.fit()
 
     def _close(self) -> None:
         """Close all joints at the start, where ends miss each other by rounding and lengths by a little."""
