@@ -136,10 +136,9 @@ class BaseIsland:
             for source, state in zip(self._sources, self.states, strict=True)
         ]
 
-    def meets_bodies(self, name: str) -> int:
-        """Whether impacts on rigid bodies of particles of a group that come far in a step are left to their own step, 1, and
-        whether these rebound there, 2, or wait until the next step."""
-        return 0
+    def meets_bodies(self, name: str) -> bool:
+        """Whether impacts on rigid bodies of particles of a group that come far in a step may be left to their own step."""
+        return False
 
     def leave(self, name: str, rows: Ints) -> None:
         """Learn that of these particles of a group they are left to the step that comes."""

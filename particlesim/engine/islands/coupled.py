@@ -182,13 +182,10 @@ class CoupledIsland(BaseIsland):
             self._refuse_coincident(born.ids, last * self.dt)
         return born, deaths, fault
 
-    def meets_bodies(self, name: str) -> int:
+    def meets_bodies(self, name: str) -> bool:
         hard = (each for each in self._sets if isinstance(each, PairSet) and each.law.by_impulses)
-        if self._obstacles is None or not any(name in each.groups for each in hard):
-            return 0
-        from particlesim.engine.rigid.grains import LEFT_TO_ITSELF
-
-        return 1 if self._obstacles.waits[0] else LEFT_TO_ITSELF
+        here = self._obstacles is not None and not self._obstacles.waits[0]
+        return here and any(name in each.groups for each in hard)
 
     def leave(self, name: str, rows: Ints) -> None:
         self._left[name] = rows

@@ -182,7 +182,6 @@ class RigidIsland(BaseIsland):
         """After all islands have made a step: bodies get what particles have given them that others sent to them."""
         if self._obstacles is not None and self._obstacles.given.any():
             give(self._obstacles, self.bodies())
-            self.fit()
 
     def _close(self) -> None:
         """Close all joints at the start, where ends miss each other by rounding and lengths by a little."""
@@ -285,7 +284,8 @@ class RigidIsland(BaseIsland):
             report[0] = GOOD
         self._have(whole)
         if self._obstacles is not None:
-            end_step(self._obstacles, b)
+            n = b.w.size
+            end_step(self._obstacles, b, guests.free, motion.pull[:n])
         self.told = share_out(scene.hearing, self._scene.hearing)
         self._asked, self.visitors = lies(guests), visitors
         self.left = left(whole, guests, visitors, self.dt)

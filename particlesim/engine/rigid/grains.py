@@ -37,10 +37,6 @@ NEAR = 1e-6
 """Distance that counts as touching, in units of the smallest size of a piece."""
 FAST = 0.5
 """Way relative to a body in a step, in radii, from which on it matters whom else a particle meets first."""
-SOON = 1e-6
-"""Part of a step within which what waited for an impact on a body has it, and meets nobody else before."""
-LEFT_TO_ITSELF = 2
-"""For `swift`: that a guest does not even wait, after its own step, for the impacts that are left to that."""
 LEFT = 0.01
 """The part of the overlap that bodies are left which guests are."""
 GRAINS = 1 << 48
@@ -55,11 +51,12 @@ class Guests(NamedTuple):
     Of the step: when each hits something, from the middle of the step on, 0 if it touches something already or hits nothing
     [n]; where it is taken to be [3, n]; by how much the time of its impact moves it [3, n]; the force of what acts on
     particles alone [N] [3, n] (`other`); which of them springs and rods tie to bodies, and for which it counts [n]
-    (`awaits`): for what is tied, and for what touches something already; whose impacts are left to their own step, as they
-    come far in it, 1, or 2 where it gives these, too [n] (`swift`). How many of the first ones rods hold. How much what
-    else acts on those that are not tied accelerates them at its beginning [m/s²] [3, n] (`pull`), once that has been `asked`
-    for [1]: not before one of them touches something, 1, or hits it, 2. About where the impulse of an impact will shift them
-    [3, n] (`probe`), and how much faster that makes what acts on them pull them back, for every metre [1/s²] [n] (`bend`).
+    (`awaits`): for what is tied, and for what touches something already; whose impacts on bodies that are `free` [bodies]
+    are left to their own step, as they come far in it [n] (`swift`), and whose are in this one (`alone` [n]). How many of
+    the first ones rods hold. How much what else acts on those that are not tied accelerates them at its beginning [m/s²]
+    [3, n] (`pull`), once that has been `asked` for [1]: not before one of them touches something, 1, or hits it, 2. About
+    where the impulse of an impact will shift them [3, n] (`probe`), and how much faster that makes what acts on them pull
+    them back, for every metre [1/s²] [n] (`bend`).
     """
 
     first: int
@@ -81,6 +78,8 @@ class Guests(NamedTuple):
     tied: Any
     awaits: Any
     swift: Any
+    free: Any
+    alone: Any
     held: int
     pull: Any
     asked: Any
@@ -174,10 +173,11 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
     are `joined`, None where none are."""
     found, best = on_stack(1, 9, np.float64), on_stack(1, 2, np.float64)
     p = b.pieces
+    find_free(guests, joined, k)
     for m in range(guests.radius.size):
         guest, which = guests.first + m, -1
         at, radius, kind = place(b, guest), guests.radius[m], guests.kind[m]
-        best[0, 0] = np.inf
+        best[0, 0], guests.alone[m] = np.inf, 0
         for axis in range(3):
             guests.shift[axis, m] = guests.probe[axis, m] = 0.0
         for i in range(guests.first):
@@ -193,7 +193,13 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                     begin = k.number[0]
                     for number in range(p.first[group], p.first[group + 1]):
                         s = solid_of(p, number, x, r)
-                        if guests.swift[m] < LEFT_TO_ITSELF or not falls_on(p, s, at, u, slop, h, found):
+                        if (
+                            guests.swift[m] > 0
+                            and guests.free[i] > 0
+                            and falls_on(p, s, at, u, slop, h, found)
+                        ):
+                            guests.alone[m] = 1
+                        else:
                             follow(p, s, k, i, guest, guests.id[m], at, u, radius, slop, h, found, best)
                     meet(guests, b, k, begin, kind, group)
                     if best[0, 0] < had:
@@ -203,7 +209,10 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
         if guests.awaits[m] == 0:
             for axis in range(3):
                 guests.other[axis, m] = 0.0
-        if 0 < best[0, 0] <= (SOON * h if guests.swift[m] > 0 else h):
+        if guests.swift[m] > 0 and 0 < best[0, 0] <= h and guests.free[which] > 0:
+            guests.alone[m], best[0, 0] = 1, np.inf
+        if 0 < best[0, 0] <= h:
+            guests.alone[m] = 0
             group, begin, when = b.group[which], k.number[0], best[0, 0] - 0.5 * h
             n, beside = on_impact(p, b, motion, which, guest, int(best[0, 1]), when, found)
             guests.when[m] = when
@@ -211,10 +220,9 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
             where = plus(place(b, guest), -radius, n)
             number = add_contact(k, which, guest, GRAINS + guests.id[m], where, (-n[0], -n[1], -n[2]), 0.0)
             if number >= 0:
-                # Bodies in joints are not moved to where they would be if the impulse had been given then.
-                moves = joined is None or joined[which] == 0
+                # Others are not moved to where they would be if the impulse had been given then.
                 k.late[0, number], k.late[1, number] = best[0, 0], dot(row(guests.pull, m), n)
-                k.late[2, number] = best[0, 0] if moves else 0.5 * h
+                k.late[2, number] = best[0, 0] if guests.free[which] > 0 else 0.5 * h
                 k.late[3, number] = guests.bend[m] * b.w[guest] * best[0, 0] ** 2
             back = shift_back(guests, b, k, motion, which, guest, n) * best[0, 0]
             for axis in range(3):
@@ -271,6 +279,16 @@ def roll(b: Any, k: Any, c: Any, friction: Any, flat: Any) -> None:
         size, other = b.reach[guest], abs(dot(minus(at, place(b, i)), n))
         k.turns[number], k.aim[0, number] = ROLL, c
         k.aim[1, number] = size if flat > 0 else size * other / (size + other)
+
+
+def find_free(guests: Any, joined: Any, k: Any) -> None:
+    """Find the bodies that touch no collider and no other body, and are in no joint."""
+    for i in range(guests.first):
+        guests.free[i] = 1 if joined is None or joined[i] == 0 else 0
+    for c in range(k.number[0]):
+        for i in (k.first[c], k.second[c]):
+            if 0 <= i < guests.first:
+                guests.free[i] = 0
 
 
 def falls_on(p: Any, s: Any, at: Any, u: Any, slop: Any, h: Any, found: Any) -> Any:
@@ -340,8 +358,8 @@ def asks(guests: Any, k: Any) -> bool:
 
 @outlined
 def settle_guests(scene: Any, b: Any, k: Any) -> None:
-    """Move bodies, but for those that joints hold, to where they would be if impacts of guests had been at their times; note
-    the same for guests."""
+    """Move bodies that are free to where they would be if impacts of guests had been at their times; note the same for
+    guests."""
     guests = scene.guests
     for c in range(k.number[0]):
         guest = k.second[c]
@@ -351,6 +369,6 @@ def settle_guests(scene: Any, b: Any, k: Any) -> None:
                 total = 0.0
                 for d in range(3):
                     total += k.rows[c, d, axis] * k.impulse[c, d]
-                if scene.joints is None or scene.joined[k.first[c]] == 0:
+                if guests.free[k.first[c]] > 0:
                     b.x[axis, k.first[c]] -= guests.when[m] * b.w[k.first[c]] * total
                 guests.shift[axis, m] += guests.when[m] * b.w[guest] * total

@@ -2,14 +2,17 @@
 
 Bodies make their step before particles do. For these they go steadily from where they began it to where they end it,
 x(s) = x₀ + s g, and turn steadily about the axis from one orientation to the other, by an angle s φ: s is the part of the
-step that is over. A particle comes nearer to a surface by no more than |u| + φ R, with its way u relative to the centre and
-the reach R of the body; so it goes as far as that is away, again and again (conservative advancement).
+step that is over. The distance f from a convex piece is convex along a straight way, so f(s + τ) ≥ f + f' τ − ½ c τ² with
+the most by which turning bends the way that the body sees, c = φ (2 |u| + 3 φ D) with the way u relative to it and the
+distance D from its centre: a particle goes as far as this is above zero, again and again, which converges as Newton's
+method does.
 
-What is slow, or lies on a body, has been its guest by then (`grains`). This is for what comes far in a step, whom it meets
-first, and for what others have sent to a body. Its impulses change the velocities that bodies have at the end of the step,
-and not their ways in it: energy is kept, or lost, impact by impact, as that of grains is (`interactions.hard.blows`). With
-the normal n of the body, the place a of the impact relative to its centre, and w = 1/m and I of both the impulse and its
-friction are
+What is slow, lies on a body, or comes to one that touches something or is in a joint, has been its guest by then (`grains`).
+This is for what comes far in a step, whom it meets first, and for what others have sent to a body. Bodies that touch
+something do not rebound here: what comes to them waits at their surface for the next step. An impulse changes the velocity
+that a body has at the end of the step, and its way from then on, but not how it turns in it: energy is kept, or lost, impact
+by impact, as that of grains is (`interactions.hard.blows`). With the normal n of the body, the place a of the impact
+relative to its centre, and w = 1/m and I of both the impulse and its friction are
 
     P = (1 + e) u_n/(w₁ + w₂ + (a × n)·I₂⁻¹ (a × n)),   |T| ≤ μ P,   T = u_t/(7/2 w₁ + w₂ + (a × t)·I₂⁻¹ (a × t)) at most,
 
@@ -23,13 +26,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import on_stack, outlined
-from particlesim.engine.interactions.hard.blows import LEAVES, MOST_STRIDES, ROUNDING, TOUCHES
+from particlesim.engine.interactions.hard.blows import MOST_STRIDES, TOUCHES
 from particlesim.engine.rigid.bodies import Bodies, row
 from particlesim.engine.rigid.grains import away_from
 from particlesim.engine.rigid.narrow import minus, plus
 from particlesim.engine.rigid.pieces import solid_of
 from particlesim.engine.rigid.rotation import angular_velocity, cross, dot, matrix
 from particlesim.engine.rigid.touching import Touching, no_contact
+from particlesim.model.arrays import Floats, Ints
 from particlesim.model.quaternions import times
 
 SMALL = 1e-3
@@ -41,10 +45,12 @@ SINKS = 1e-4
 class Obstacles(NamedTuple):
     """Bodies: the pieces of their shapes, group [b], reach [b], 1/m [b] and principal moments of inertia [3, b] of each;
     place [3, b] and orientation [4, b] at the beginning of a step, by how much they move [3, b] and turn [3, b] in it;
-    velocity [3, b], angular momentum [3, b] and orientation [4, b] at its end, and by how much particles have changed both
-    since (`given` [6, b]), those of this island alone (`mine`). Their contact with particles [kinds, groups]; the kind of
-    each particle, and 1 where its impacts on bodies in the step are left to it, as it is swift [n]. Whether what comes to
-    them waits there for its impact until the next step, as emitters hear of impacts [1]."""
+    velocity [3, b], angular momentum [3, b] and orientation [4, b] at its end, and the acceleration by forces [3, b]; by how
+    much particles have changed these velocities and momenta since, and where the ways of bodies begin and how far they lead
+    (`given` [12, b]), those of this island alone (`mine`); which touch nothing and are in no joint, and how often their ways
+    have changed [b]. Their contact with particles [kinds, groups]; the kind of each particle, and 1 where its impacts on
+    bodies in the step are left to it, as it is swift [n]. Whether what comes to bodies waits there for its impact until the
+    next step, as emitters hear of impacts [1]."""
 
     pieces: Any
     group: Any
@@ -58,8 +64,11 @@ class Obstacles(NamedTuple):
     v: Any
     spin: Any
     face: Any
+    pull: Any
     given: Any
     mine: Any
+    free: Any
+    changes: Any
     touching: Touching
     kind: Any
     left: Any
@@ -75,7 +84,8 @@ class Obstacles(NamedTuple):
         return find(self, x, go, r, i, begin, end)
 
     def strike(self, i: Any, j: Any, blow: Any) -> Any:
-        """The impact of particle i on body j: by how much it changes the velocity of the particle, and turns it."""
+        """The impact of particle i on body j: by how much it changes the velocity of the particle, and turns it, and how far
+        the surface there goes in a step from then on."""
         return strike(self, i, j, blow)
 
 
@@ -89,7 +99,8 @@ def obstacles_of(b: Bodies, *, waits: bool) -> Obstacles:
     return Obstacles._make(
         [
             *(b.pieces, b.group, b.reach, b.w, b.inertia, vectors[0], turn, *vectors[1:], turn.copy()),
-            *(np.zeros((6, n)), np.zeros((6, n)), no_contact(0), left, left, np.array([int(waits)])),
+            *(np.zeros((3, n)), np.zeros((12, n)), np.zeros((12, n)), np.zeros(n, np.int64)),
+            *(np.zeros(n, np.int64), no_contact(0), left, left, np.array([int(waits)])),
         ]
     )
 
@@ -99,8 +110,10 @@ def begin_step(o: Obstacles, b: Bodies) -> None:
     o.x[:], o.turn[:] = b.x, b.turn
 
 
-def end_step(o: Obstacles, b: Bodies) -> None:
-    """Bodies end it where they are."""
+def end_step(o: Obstacles, b: Bodies, free: Ints, pull: Floats) -> None:
+    """Bodies end it where they are; which of them touch nothing and are in no joint [b], and by how much forces accelerate
+    them [b, 6]."""
+    o.free[:], o.pull[:] = np.where(b.w > 0, free, 1), b.w * pull[:, :3].T
     o.go[:], o.v[:], o.spin[:], o.face[:] = b.x - o.x, b.v, b.spin, b.turn
     w, *v = times(b.turn, o.turn * np.array([[1.0], [-1.0], [-1.0], [-1.0]]))
     axis = np.array(v) * np.where(w < 0, -1.0, 1.0)
@@ -113,15 +126,16 @@ def end_step(o: Obstacles, b: Bodies) -> None:
 def give(o: Obstacles, b: Bodies) -> None:
     """Bodies get what particles have given them in a step."""
     b.v[:] += o.given[:3]
-    b.spin[:] += o.given[3:]
+    b.spin[:] += o.given[3:6]
+    b.x[:] += o.given[6:9] + o.given[9:]
 
 
 def begin(o: Any) -> None:
     """`Obstacles.begin`."""
     for j in range(o.reach.size):
-        for axis in range(6):
-            o.given[axis, j] -= o.mine[axis, j]
-            o.mine[axis, j] = 0.0
+        for number in range(12):
+            o.given[number, j] -= o.mine[number, j]
+            o.mine[number, j] = 0.0
 
 
 @outlined
@@ -138,7 +152,7 @@ def find(o: Any, x: Any, go: Any, r: Any, i: Any, begin: Any, end: Any) -> Any:
 
 def comes_near(o: Any, x: Any, go: Any, r: Any, j: Any, begin: Any, end: Any) -> bool:
     """Whether a particle comes into the ball about body j between two times."""
-    d, g = minus(x, plus(row(o.x, j), begin, row(o.go, j))), minus(go, row(o.go, j))
+    d, g = minus(x, plus(start_of(o, j), begin, way_of(o, j))), minus(go, way_of(o, j))
     size, reach = dot(g, g), o.reach[j] + r
     after = min(max(-dot(d, g) / size, 0.0), end - begin) if size > 0 else 0.0
     d = plus(d, after, g)
@@ -149,20 +163,35 @@ def comes_near(o: Any, x: Any, go: Any, r: Any, j: Any, begin: Any, end: Any) ->
 def comes_to(o: Any, x: Any, go: Any, r: Any, j: Any, begin: Any, end: Any) -> Any:
     """When a particle comes to body j between two times, infinity if it does not; how far the surface there goes in a step,
     and its normal."""
-    found, turns, s, stride = on_stack(1, 9, np.float64), row(o.turns, j), begin, 0
-    g, size = minus(go, row(o.go, j)), max(r, SMALL * o.reach[j])
-    fast, pace, hits = np.sqrt(dot(g, g)) + np.sqrt(dot(turns, turns)) * o.reach[j], row(o.go, j), False
-    n = (0.0, 0.0, 0.0)
-    while (s < end) & (not hits) & (fast > 0):
-        at, centre = plus(x, s - begin, go), plus(row(o.x, j), s, row(o.go, j))
-        gap, n = gap_to(o, at, r, j, centre, turned_at(o, j, s), found)
-        pace = plus(row(o.go, j), 1.0, cross(turns, minus(at, centre)))
-        rate = dot(minus(go, pace), n)
-        closes = (rate < -ROUNDING * fast) & ((gap > TOUCHES * size) | (-rate * (end - s) > SINKS * size))
-        stride += 1
-        hits = ((gap <= TOUCHES * size) & closes) | (stride >= MOST_STRIDES)
+    p, best, pace, n = o.pieces, np.inf, way_of(o, j), (0.0, 0.0, 0.0)
+    for number in range(p.first[o.group[j]], p.first[o.group[j] + 1]):
+        when, along, across = comes_to_piece(o, x, go, r, j, number, begin, min(end, best))
+        if when < best:
+            best, pace, n = when, along, across
+    return best, pace, n
+
+
+@outlined
+def comes_to_piece(o: Any, x: Any, go: Any, r: Any, j: Any, number: Any, begin: Any, end: Any) -> Any:
+    """`comes_to` for a piece of the body."""
+    p, found, turns, s, stride = o.pieces, on_stack(1, 9, np.float64), row(o.turns, j), begin, 0
+    g, size, hits = minus(go, way_of(o, j)), max(r, SMALL * o.reach[j]), False
+    own, angle, pace, n = np.sqrt(dot(g, g)), np.sqrt(dot(turns, turns)), way_of(o, j), (0.0, 0.0, 0.0)
+    while (s < end) & (not hits) & (stride < MOST_STRIDES):
+        at, centre = plus(x, s - begin, go), plus(start_of(o, j), s, way_of(o, j))
+        arm = minus(at, centre)
+        away, n = away_from(p, solid_of(p, number, centre, matrix(turned_at(o, j, s))), at, found)
+        pace = plus(way_of(o, j), 1.0, cross(turns, arm))
+        gap, rate = away - r, dot(minus(go, pace), n)
+        touches = gap <= TOUCHES * size
+        hits = touches & (-rate * (end - s) > SINKS * size)
+        far = np.sqrt(dot(arm, arm)) + own * (end - s)
+        bends = angle * (2.0 * own + 3.0 * angle * far)
+        gap = SINKS * size if touches else gap
+        under = np.sqrt(rate * rate + 2.0 * bends * gap) - rate
         if not hits:
-            s += max(gap, (TOUCHES if closes else LEAVES) * size) / fast
+            s += 2.0 * gap / under if under > 0 else np.inf
+        stride += 1
     return (s if hits else np.inf), pace, n
 
 
@@ -178,14 +207,16 @@ def turned_at(o: Any, j: Any, s: Any) -> Any:
     )
 
 
-def gap_to(o: Any, at: Any, r: Any, j: Any, centre: Any, q: Any, found: Any) -> Any:
-    """The gap between a particle and body j, and the normal there."""
-    p, best, n, rotation = o.pieces, np.inf, (0.0, 0.0, 0.0), matrix(q)
-    for number in range(p.first[o.group[j]], p.first[o.group[j] + 1]):
-        away, along = away_from(p, solid_of(p, number, centre, rotation), at, found)
-        if away - r < best:
-            best, n = away - r, along
-    return best, n
+def start_of(o: Any, j: Any) -> Any:
+    """Where body j would have begun the step on its way."""
+    g = o.given
+    return o.x[0, j] + g[6, j], o.x[1, j] + g[7, j], o.x[2, j] + g[8, j]
+
+
+def way_of(o: Any, j: Any) -> Any:
+    """How far body j goes in a step on its way."""
+    g = o.given
+    return o.go[0, j] + g[9, j], o.go[1, j] + g[10, j], o.go[2, j] + g[11, j]
 
 
 # ---- the impact
@@ -195,16 +226,16 @@ def gap_to(o: Any, at: Any, r: Any, j: Any, centre: Any, q: Any, found: Any) -> 
 def strike(o: Any, i: Any, j: Any, blow: Any) -> Any:
     """`Obstacles.strike`."""
     law, kind, group = o.touching, o.kind[i], o.group[j]
-    n, arm = blow.n, minus(plus(blow.at, -blow.r, blow.n), plus(row(o.x, j), blow.s, row(o.go, j)))
+    n, arm = blow.n, minus(plus(blow.at, -blow.r, blow.n), plus(start_of(o, j), blow.s, way_of(o, j)))
     v, turning, none = blow.v, blow.turning, (0.0, 0.0, 0.0)
-    approach = -dot(minus(v, surface(o, j, arm)), n)
+    approach = -dot(minus(v, surface(o, j, arm, blow)), n)
     dv, turn = none, none
     if approach > 0:
         e = law.restitution[kind, group]
         lively = (approach > blow.slow) | (e >= 1)
         e = e * max(approach / law.speed[kind, group], 1.0) ** (-law.exponent[kind, group]) if lively else 0.0
         given = (1.0 + e) * approach / (blow.light + weight(o, j, arm, n))
-        kick(o, j, -given, n, arm)
+        kick(o, j, -given, n, arm, blow)
         dv = plus(none, blow.light * given, n)
         static, kinetic = law.static[kind, group], law.kinetic[kind, group]
         rolls = turning is not None and blow.r > 0
@@ -212,14 +243,14 @@ def strike(o: Any, i: Any, j: Any, blow: Any) -> Any:
             own = plus(v, 1.0, dv)
             if turning is not None:
                 own = minus(own, cross(plus(none, blow.r, turning), n))
-            slip = minus(own, surface(o, j, arm))
+            slip = minus(own, surface(o, j, arm, blow))
             slip = plus(slip, -dot(slip, n), n)
             size = np.sqrt(dot(slip, slip))
             if size > 0:
                 t = plus(none, 1.0 / size, slip)
                 stops = size / ((3.5 if rolls else 1.0) * blow.light + weight(o, j, arm, t))
                 rubs = stops if stops <= static * given else min(kinetic * given, stops)
-                kick(o, j, rubs, t, arm)
+                kick(o, j, rubs, t, arm, blow)
                 dv = plus(dv, -rubs * blow.light, t)
                 if turning is not None and blow.r > 0:
                     turn = plus(none, 2.5 * rubs * blow.light / blow.r, cross(n, t))
@@ -228,7 +259,7 @@ def strike(o: Any, i: Any, j: Any, blow: Any) -> Any:
             radius = blow.r if law.flat[kind, group] > 0 else blow.r * other / (blow.r + other)
             most = law.rolling[kind, group] * radius * given
             turn = plus(turn, 1.0, slow_rolling(o, j, blow, plus(turning, 1.0, turn), most))
-    return dv, turn
+    return dv, turn, plus(way_of(o, j), 1.0, cross(row(o.turns, j), arm))
 
 
 def slow_rolling(o: Any, j: Any, blow: Any, turning: Any, most: Any) -> Any:
@@ -242,8 +273,7 @@ def slow_rolling(o: Any, j: Any, blow: Any, turning: Any, most: Any) -> Any:
     by = min(size / (light + dot(d, turned(o, j, d))), most)
     for axis in range(3):
         share = by * (d[0] if axis == 0 else d[1] if axis == 1 else d[2])
-        o.given[3 + axis, j] += share
-        o.mine[3 + axis, j] += share
+        add(o, 3 + axis, j, share)
     return -by * light * d[0], -by * light * d[1], -by * light * d[2]
 
 
@@ -259,9 +289,10 @@ def turning_of(o: Any, j: Any) -> Any:
     return turned(o, j, plus(row(o.spin, j), 1.0, (g[3, j], g[4, j], g[5, j])))
 
 
-def surface(o: Any, j: Any, arm: Any) -> Any:
-    """The velocity of body j at a place."""
-    return plus(plus(row(o.v, j), 1.0, row(o.given, j)), 1.0, cross(turning_of(o, j), arm))
+def surface(o: Any, j: Any, arm: Any, blow: Any) -> Any:
+    """The velocity of body j at a place at the time of an impact, when forces have not yet done all that they do."""
+    v = plus(plus(row(o.v, j), 1.0, row(o.given, j)), -(1.0 - blow.s) * blow.h, row(o.pull, j))
+    return plus(v, 1.0, cross(turning_of(o, j), arm))
 
 
 def weight(o: Any, j: Any, arm: Any, d: Any) -> Any:
@@ -270,13 +301,21 @@ def weight(o: Any, j: Any, arm: Any, d: Any) -> Any:
     return o.w[j] + dot(twist, turned(o, j, twist))
 
 
-def kick(o: Any, j: Any, impulse: Any, d: Any, arm: Any) -> None:
-    """Give body j an impulse along a direction at a place."""
+def kick(o: Any, j: Any, impulse: Any, d: Any, arm: Any, blow: Any) -> None:
+    """Give body j an impulse along a direction at a place. It goes on with the velocity that it has then."""
     twist = cross(arm, d)
     for axis in range(3):
         along = d[0] if axis == 0 else d[1] if axis == 1 else d[2]
         turns = twist[0] if axis == 0 else twist[1] if axis == 1 else twist[2]
-        o.given[axis, j] += o.w[j] * impulse * along
-        o.mine[axis, j] += o.w[j] * impulse * along
-        o.given[3 + axis, j] += impulse * turns
-        o.mine[3 + axis, j] += impulse * turns
+        by = o.w[j] * impulse * along
+        add(o, axis, j, by)
+        add(o, 3 + axis, j, impulse * turns)
+        add(o, 6 + axis, j, -blow.s * blow.h * by)
+        add(o, 9 + axis, j, blow.h * by)
+    o.changes[j] += 1
+
+
+def add(o: Any, number: Any, j: Any, by: Any) -> None:
+    """Note what a particle of this island has given to body j."""
+    o.given[number, j] += by
+    o.mine[number, j] += by

@@ -111,6 +111,7 @@ def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
             *scratch,
             _others(visitors, h),
             *(visitors.tied.copy(), np.zeros(n, np.int64), visitors.swift.astype(np.int64)),
+            *(np.zeros(bodies, np.int64), np.zeros(n, np.int64)),
             visitors.held,
             *known,
         ]
@@ -195,5 +196,5 @@ def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
     # Rods give impulses at the beginning and at the end of the step, too: only the places at its ends tell.
     shift[:, :held] = (x - visitors.x - h * (v + 0.5 * gain))[:, :held]
     forces = h * guests.pull if lies(guests) else np.full_like(shift, np.nan)
-    alone = (guests.swift > 0) & (guests.when == 0)
+    alone = (guests.alone > 0) & (guests.when == 0)
     return Left(v, spin / visitors.inertia, shift, moved, alone, forces)

@@ -28,6 +28,7 @@ from particlesim.engine.interactions.hard.ways import (
     IMPACTS,
     MOST_IMPACTS,
     SIDE,
+    STRAIGHT,
     WALL,
     carry,
     excess,
@@ -55,7 +56,7 @@ radius; strides on the way to a collider at most, where it is taken to be then."
 
 class Blow(NamedTuple):
     """What a particle brings to an impact on a rigid body at time s of a step: its place, velocity and angular velocity,
-    None where it has none; the normal of the body; its radius and 1/m; up to which approach it does not rebound; and s."""
+    None where it has none; the normal of the body; its radius and 1/m; up to which approach it does not rebound; s and h."""
 
     at: Any
     v: Any
@@ -65,6 +66,7 @@ class Blow(NamedTuple):
     light: Any
     slow: Any
     s: Any
+    h: Any
 
 
 def dot(a: Any, b: Any) -> Any:
@@ -229,6 +231,13 @@ def end_rolling(each: Any, c: Any, i: Any, j: Any, n: Any, change: Any) -> None:
 
 def find_wall(w: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
     """Find out when a particle comes to a collider or a rigid body on its way, which it has not gone before."""
+    find_collider(w, parts, c, i, t, h)
+    if w.obstacles is not None and may_meet(w, i):
+        find_body(w, c, i, w.when[BEGUN, i])
+
+
+def find_collider(w: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
+    """Find out when a particle comes to a collider on its way, which it has not gone before."""
     k = 0
     w.when[WALL, i] = np.inf
     for part in parts:
@@ -238,8 +247,18 @@ def find_wall(w: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
                 if soonest < w.when[WALL, i]:
                     w.when[WALL, i], w.what[SIDE, i] = soonest, k
             k += 1
-    if w.obstacles is not None and may_meet(w, i):
-        find_body(w, c, i, w.when[BEGUN, i])
+
+
+def look_again(w: Any, parts: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> None:
+    """Find out anew when a particle comes to something from time s on: the body that it would have come to then has got
+    another way."""
+    if w.what[HIT, i] > 0:
+        find_collider(w, parts, c, i, t, h)
+    else:
+        w.when[WALL, i] = np.inf  # the way of what nobody hits is known
+    find_body(w, c, i, s)
+    if (s < w.when[BEND, i]) & (w.when[BEND, i] < STRAIGHT) & (w.when[WALL, i] == np.inf):
+        find_body(w, c, i, w.when[BEND, i])
 
 
 @outlined
@@ -253,6 +272,7 @@ def find_body(w: Any, c: Any, i: Any, s: Any) -> None:
         w.when[WALL, i], w.what[SIDE, i] = soonest, -1 - body
         for axis in range(3):
             w.met[axis, i], w.met[3 + axis, i] = pace[axis], n[axis]
+        w.met[6, i] = o.changes[body]
 
 
 def may_meet(w: Any, i: Any) -> Any:
@@ -306,16 +326,20 @@ def on_way(w: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> Any:
     return moved_to(p, x[0], x[1], x[2], v[0], v[1], v[2], t - (1.0 - s) * float(h))
 
 
-def hit_wall(w: Any, fed: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
-    """The impact of a particle on the collider, or the rigid body, that is next on its way."""
+def hit_wall(w: Any, fed: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> bool:
+    """The impact of a particle on the collider, or the rigid body, that is next on its way; whether it takes place."""
     k = 0
     if w.obstacles is not None and w.what[SIDE, i] < 0:
+        if w.met[6, i] != w.obstacles.changes[-1 - w.what[SIDE, i]]:
+            look_again(w, parts, c, i, w.when[WALL, i], t, h)
+            return False
         meet_body(w, fed, c, i, h)
     for part in parts:
         for collider in colliders_of(part):
             if k == w.what[SIDE, i]:
                 bounce_off(w, fed, collider, part.rolling, c, i, t, h)
             k += 1
+    return True
 
 
 @outlined
@@ -325,12 +349,12 @@ def meet_body(w: Any, fed: Any, c: Any, i: Any, h: Any) -> None:
     o, s, body = w.obstacles, w.when[WALL, i], -1 - w.what[SIDE, i]
     stand_at(w, i, s, h)
     w.what[HIT, i] = 1
-    if (o.waits[0] == 0) & (w.what[IMPACTS, i] < MOST_IMPACTS - 1):
-        pace, n = row(w.met, i), (w.met[3, i], w.met[4, i], w.met[5, i])
+    if (o.waits[0] == 0) & (o.free[body] > 0) & (w.what[IMPACTS, i] < MOST_IMPACTS - 1):
+        n = (w.met[3, i], w.met[4, i], w.met[5, i])
         slow, turning = REST * abs(dot(row(w.force, i), n)), None if c.spin is None else row(w.spin, i)
         v = velocity_at(w, i, s)
-        blow = Blow(row(w.at, i), v, turning, n, float(c.r[i]), w.light[i], slow, s)
-        change, turn = type(o).strike(o, i, body, blow)
+        blow = Blow(row(w.at, i), v, turning, n, float(c.r[i]), w.light[i], slow, s, float(h))
+        change, turn, pace = type(o).strike(o, i, body, blow)
         push(w, i, 1.0, change, s, h)
         add(w.spin, i, 1.0, turn)
         w.what[IMPACTS, i] += 1

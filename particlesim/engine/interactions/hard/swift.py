@@ -80,8 +80,10 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, t: Any, h: A
                 i = w.queue[0]
                 s, j = soonest(w, i), w.what[PARTNER, i]
                 if w.when[WALL, i] <= w.when[DUE, i]:
-                    hit_wall(w, fed, parts, c, i, t, h)
-                    go_on(f, parts, c, i, s, high, t, h)
+                    if hit_wall(w, fed, parts, c, i, t, h):
+                        go_on(f, parts, c, i, s, high, t, h)
+                    else:
+                        put_in_order(w, i)
                 elif w.what[SEEN, i] != w.what[TURNED, j]:  # the other has taken another way since
                     find_next(f, i, s, high)
                     put_in_order(w, i)

@@ -53,7 +53,8 @@ class Ways(NamedTuple):
     image inside [3, n] [m].
 
     Bodies in the step (`rigid.obstacles`), None where these particles touch none, and how far the surface that each comes
-    to goes in the step [m], with the normal there (`met` [6, n]).
+    to goes in the step [m], with the normal there, and how often that body's way had
+    changed then (`met` [7, n]).
 
     The queue of impacts [n], and how many there are, and more [2]; by which part of a step velocities are late [1]. Of one
     impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in
@@ -115,7 +116,7 @@ def new_ways(particles: int, lag: float, obstacles: Any) -> Ways:
         np.zeros(particles),
         np.zeros((3, particles)),
         obstacles,
-        np.zeros((6, 0 if obstacles is None else particles)),
+        np.zeros((7, 0 if obstacles is None else particles)),
         np.zeros(particles, np.int64),
         np.zeros(2, np.int64),
         np.array([lag]),
