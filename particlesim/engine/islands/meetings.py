@@ -14,13 +14,16 @@ from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.rigid.touching import contacts_of, no_contact
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
-from particlesim.model.arrays import Floats, Ints
+from particlesim.model.arrays import Bools, Floats, Ints
 from particlesim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
     from particlesim.engine.islands.rigid import RigidIsland
 
 # What steps bodies is imported where there are some.
+
+MOST = 20_000
+"""Particles that lie on each other below bodies which are among these for a step, at most."""
 
 
 class Meetings:
@@ -43,6 +46,8 @@ class Meetings:
             if name not in self._surfaces:
                 self._surfaces[name] = no_contact(len(names))
                 self._states.append(next(state for state in states if state.name == name))
+        if self._bodies is not None and self._states:
+            self._add_what_is_below(scenario, states, len(names))
         self._chosen: list[tuple[GroupState, Ints]] = []
         self._worked: list[float] = []
         self._there: list[tuple[GroupState, Ints]] = []
@@ -50,6 +55,21 @@ class Meetings:
 
     def __bool__(self) -> bool:
         return bool(self._states)
+
+    def _add_what_is_below(self, scenario: Scenario, states: Sequence[GroupState], bodies: int) -> None:
+        """Groups whose particles touch those that touch bodies, too, and so on; and what all of them lie on."""
+        from particlesim.engine.islands.rigid_scene import support_of
+
+        assert self._bodies is not None
+        kinds = [state.name for state in states if state.name in self._islands]
+        touch, reached = support_of(scenario, kinds).pairs.touch > 0, np.isin(kinds, list(self._surfaces))
+        for _ in kinds:
+            reached |= touch[reached].any(axis=0)
+        for name in np.array(kinds)[reached].tolist():
+            if name not in self._surfaces:
+                self._surfaces[name] = no_contact(bodies)
+                self._states.append(next(state for state in states if state.name == name))
+        self._bodies.support = support_of(scenario, (*self._held, *self._surfaces))
 
     def concern(self, island: BaseIsland) -> bool:
         """Whether an island is that of the bodies which particles touch or are tied to."""
@@ -63,33 +83,58 @@ class Meetings:
         assert self._bodies is not None
         bodies, ties = self._bodies.bodies(), self._bodies.ties
         self._chosen = ties.on_rods()
-        swift = [np.zeros(len(rows), np.int64) for _, rows in self._chosen]
+        held = [np.zeros(len(rows), np.int64) for _, rows in self._chosen]
+        swift, found = [*held], []
         for state in self._states:
             n = state.count
             x, v = (np.ascontiguousarray(each[:, :n], float) for each in (state.x, state.v))
             radius, near = state.radius[:n].astype(float), np.zeros(n, np.int64)
             touch = self._surfaces[state.name].touch
             if touch.any():
-                near_bodies(bodies, touch, x, v, radius, self._dt, near)
-            near[self._tied.get(state.name, [])] = 1
+                near_bodies(bodies, touch, x, v, radius, self._bodies.slop, self._dt, near)
+            tied = self._tied.get(state.name, [])
+            near[tied] = np.maximum(near[tied], 1)
             near[self._held.get(state.name, [])] = 0
-            rows = np.flatnonzero(near)
+            found.append(near)
+        below = self._below(found)
+        for state, near, lies in zip(self._states, found, below, strict=True):
+            rows = np.flatnonzero((near > 0) | (lies > 0))
             alone = self._islands[state.name].meets_bodies(state.name)
-            swift.append(np.where(near[rows] > 1, alone, 0))
+            swift.append(np.where(near[rows] == 3, alone, 0))
             self._chosen.append((state, rows))
         names = (*self._held, *self._surfaces)
         surfaces = np.array([np.array(self._surfaces[name]) for name in names]).transpose(1, 0, 2)
         number = sum(len(rows) for rows in self._held.values())
-        tied = [np.isin(rows, self._tied.get(state.name, [])) for state, rows in self._chosen]
-        hang = np.concatenate(tied).astype(np.int64)
+        on_ties = [np.isin(rows, self._tied.get(state.name, [])) for state, rows in self._chosen]
+        hang = np.concatenate(on_ties).astype(np.int64)
+        stands = [lies[rows] for (_, rows), lies in zip(self._chosen[len(held) :], below, strict=True)]
         ids = np.concatenate([state.id[rows] for state, rows in self._chosen])
         gain, besides = ties.gain(self._chosen), self._bodies.loads.awaited(ids)
         load = np.where(hang > 0, np.concatenate([gain, np.zeros_like(gain)]), besides)
         self._bodies.guests = tuple(state.name for state, _ in self._chosen)
-        self._bodies.visitors = among(
-            self._chosen, np.ascontiguousarray(surfaces), load, number, hang, np.concatenate(swift)
-        )
+        flags = (hang, np.concatenate(swift), np.concatenate([*held, *stands]))
+        self._bodies.visitors = among(self._chosen, np.ascontiguousarray(surfaces), load, number, *flags)
         self._bodies.pull_on = self._accelerations
+
+    def _below(self, found: Sequence[Ints]) -> list[Ints]:
+        """Which particles touch a body, or others that do, from how near they are to bodies: of every group, 1 of those
+        that do [n]."""
+        from particlesim.engine.rigid.support import gather, new_cells
+
+        assert self._bodies is not None
+        near = np.concatenate([np.empty(0, np.int64), *found])
+        below = np.where(near == 2, 1, 0)
+        if below.any():
+            columns = [
+                np.concatenate([np.asarray(getattr(state, name)[..., : state.count], float) for state in self._states], -1)
+                for name in ("x", "radius")
+            ]
+            kinds = [np.full(state.count, len(self._held) + k) for k, state in enumerate(self._states)]
+            may, moves = np.ones(len(near), np.int64), [_moves(state) for state in self._states]
+            may[~np.concatenate(moves)] = 2
+            rest = (new_cells(columns[1]), self._bodies.support.pairs.touch, *columns)
+            gather(*rest, np.concatenate(kinds), may, below, np.empty_like(near), MOST)
+        return np.split(below, np.cumsum([len(each) for each in found])[:-1])
 
     def _accelerations(self, time: float, probe: Floats | None) -> tuple[Floats, Floats]:
         """How much what else acts on visitors accelerates them at a time [m/s²] if all are shifted, and how far they were
@@ -224,6 +269,11 @@ class Meetings:
         """The work that contact has done on groups of particles which rods hold [J], where that is booked."""
         books = (self._islands[name].books for name in self._held)
         return [each.work_of("contact") for each in books if each is not None]
+
+
+def _moves(state: GroupState) -> Bools:
+    """Which particles of a group something can move: not those that are held."""
+    return np.isfinite(state.start[: state.count]) if state.clocked else np.ones(state.count, np.bool_)
 
 
 def _bodies_among(islands: Sequence[BaseIsland]) -> RigidIsland:

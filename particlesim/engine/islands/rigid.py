@@ -56,6 +56,7 @@ from particlesim.engine.rigid.room import no_room
 from particlesim.engine.rigid.spring_layout import body_springs, lines
 from particlesim.engine.rigid.springs import stored
 from particlesim.engine.rigid.stiffness import longest_step
+from particlesim.engine.rigid.support import Support
 from particlesim.engine.rigid.ties import Ties
 from particlesim.engine.rigid.touching import Touching, contacts_of, no_contact
 from particlesim.engine.rigid.visit import (
@@ -148,6 +149,8 @@ class RigidIsland(BaseIsland):
         much they were in the precision of their places, shape [3, n]."""
         self.guests: tuple[str, ...] = ()
         """The names of their groups, by kind."""
+        self.support: Support
+        """What they lie on besides."""
         self.told: Floats | None = None
         """Their impacts that emitters hear, as `hearing` has them."""
         self.left: Left
@@ -163,6 +166,11 @@ class RigidIsland(BaseIsland):
         if seen is None or n != seen[1].w.size or any(map(operator.is_not, arrays, seen[0])):
             seen = self._seen = arrays, Bodies(*(each[:, :n] for each in arrays), *self._still)
         return seen[1]
+
+    @property
+    def slop(self) -> float:
+        """The overlap that contacts tolerate [m]."""
+        return self._scene.slop
 
     def in_the_way_of(self, groups: Sequence[str]) -> Obstacles | None:
         """The bodies, for particles of these groups in an island; None if they touch none."""
@@ -322,7 +330,7 @@ class RigidIsland(BaseIsland):
             return whole, scene, motion
         whole, alone = joined(b, visitors), self._scene
         springs = (*alone.springs, *self.ties.springs(visitors, b.w.size))
-        scene = alone._replace(guests=guests_of(visitors, b.w.size, self.dt), springs=springs)
+        scene = alone._replace(guests=guests_of(visitors, self.support, b.w.size, self.dt), springs=springs)
         if scene.hearing is not None:
             names = (*(state.name for state in self.states), *self.guests)
             code = codes_of_groups(self._scenario, names, names)

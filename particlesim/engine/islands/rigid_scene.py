@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -21,14 +21,17 @@ from particlesim.engine.rigid.kernel import Scene, Stretch
 from particlesim.engine.rigid.pieces import pieces_of
 from particlesim.engine.rigid.rolling import Rolling
 from particlesim.engine.rigid.spring_layout import Laid
+from particlesim.engine.rigid.support import Support
 from particlesim.engine.rigid.swift import new_swift
+from particlesim.engine.rigid.touching import no_contact
 from particlesim.engine.rigid.walls import Wall
 from particlesim.engine.rigid.work import Work
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import HEARD, HIT
 from particlesim.graph.graph import Island
+from particlesim.interactions.contact import Contact
 from particlesim.model.attributes import FURTHER
-from particlesim.scenario.reach import codes_of_groups, meetings_of
+from particlesim.scenario.reach import codes_of_groups, held_back, meetings_of, pair_sets, touches_by_surfaces
 from particlesim.scenario.scenario import Scenario
 
 SLOP = 1e-4
@@ -47,6 +50,13 @@ def still_of(groups: Sequence[BodyGroup], owner: NDArray[np.int64]) -> tuple[Any
 def colliders_of(structure: Island) -> list[Collider]:
     """All colliders of an island, each once."""
     return list({id(each): each for colliders in structure.colliders for each in colliders}.values())
+
+
+def wall_of(collider: Collider, on: NDArray[np.int64], number: int) -> Wall:
+    """A collider for kernels, with the groups that it holds back."""
+    belt = collider.surface_velocity or (0.0, 0.0, 0.0)
+    law = (collider.liveliness, *collider.coefficients)
+    return Wall(collider.body(), on, *law, belt, number, collider.falling)
 
 
 def scene_of(
@@ -68,10 +78,7 @@ def scene_of(
     walls: list[Wall] = []
     for collider in colliders_of(structure):
         on = np.array([any(each is collider for each in met) for met in structure.colliders], np.int64)
-        belt = collider.surface_velocity or (0.0, 0.0, 0.0)
-        shape = collider.body()
-        law = (collider.liveliness, *collider.coefficients)
-        walls.append(Wall(shape, on, *law, belt, len(walls), collider.falling))
+        walls.append(wall_of(collider, on, len(walls)))
     spread = np.array([[j / group.shape.volume() for j in group.shape.spread()] for group in groups])
     n = whole.count
     ends = max((max(each.first, each.second) + 1 for each in made), default=0)
@@ -99,6 +106,40 @@ def scene_of(
         hearing=_hearing(structure, whole, owner, scenario),
     )
     return scene, order
+
+
+def support_of(scenario: Scenario, kinds: Sequence[str]) -> Support:
+    """What particles of these groups lie on besides bodies. What yields acts on them as a force."""
+    sets = [each for each in pair_sets(scenario) if isinstance(each.law, Contact)]
+    soft = {name for each in sets if each.law.soft for name in each.groups}
+    n = len(kinds)
+    pairs, rolling = no_contact(n, n), np.zeros(n)
+    for each in sets:
+        mine = [group for group in scenario.groups if group.name in each.groups]
+        if not each.law.by_impulses or touches_by_surfaces(each.law, mine):
+            continue
+        law, falls = each.law, each.law.falling or STEADY
+        values = (1.0, law.liveliness, *law.coefficients, *falls, law.rolls, 0.0)
+        for a, c in each_pair(law, each.groups, kinds):
+            for column, value in zip(pairs, values, strict=True):
+                column[a, c] = value
+            rolling[a] = max(rolling[a], law.rolls)
+    walls = []
+    for number, collider in enumerate(scenario.all_colliders):
+        if collider.contact in ("bounce", "slide") and not collider.soft:
+            on = np.array([held_back(collider, (name,)) and name not in soft for name in kinds], np.int64)
+            walls.append(wall_of(collider, on, number))
+    return Support(tuple(walls), pairs, rolling)
+
+
+def each_pair(
+    law: Contact, groups: Sequence[str], kinds: Sequence[str]
+) -> Iterator[tuple[int, int]]:
+    """The kinds of particles of which a contact takes pairs, both ways."""
+    for a, name in enumerate(kinds):
+        for c, other in enumerate(kinds):
+            if name in groups and other in groups and (law.between is None or name != other):
+                yield a, c
 
 
 def _hearing(

@@ -14,6 +14,8 @@ FEATURES = 1 << 32
 """Numbers for the features of a body at each collider."""
 NOBODY = -2
 """A free place in the memory."""
+GUEST = -3
+"""In the names of contacts: a particle, whose id is in the feature. Below it, what it may touch: colliders."""
 
 
 class Bodies(NamedTuple):
@@ -46,7 +48,8 @@ class Surfaces(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """Contacts of a step: the two bodies and what tells the contact from others of theirs [k]; where, and the normal
+    """Contacts of a step: the two bodies and what tells the contact from others of theirs [k], and names for the two that
+    last, where those of bodies do not (`GUEST`) [2, k]; where, and the normal
     from the second to the first [3, k]; the gap [k]; restitution, static and kinetic friction [3, k]; velocity of a
     collider's surface [3, k]; speed to be reached along the normal [k]; the speed of an impact on a collider, 0 without
     [k]; of impacts of particles the time since the step began, 0 of other contacts, how much else accelerates them along
@@ -65,6 +68,7 @@ class Contacts(NamedTuple):
     first: Any
     second: Any
     feature: Any
+    names: Any
     point: Any
     normal: Any
     gap: Any
@@ -142,12 +146,13 @@ class Memory(NamedTuple):
 def new_contacts(room: int, falls: bool = False) -> Contacts:
     """Room for contacts, the restitution of some of which `falls` with the speed of impacts."""
     first, second, feature = (np.zeros(room, np.int64) for _ in range(3))
+    names = np.zeros((2, room), np.int64)
     point, normal, surface, belt = (np.zeros((3, room)) for _ in range(4))
     gap, target, struck, late = np.zeros(room), np.zeros(room), np.zeros(room), np.zeros((4, room))
     impulse, rows, number = np.zeros((room, 4)), np.zeros((room, 3, ROW)), np.zeros(2, np.int64)
     before, onward, order = np.zeros((room, 3)), np.zeros((room, 3)), np.zeros(room, np.int64)
     return Contacts(
-        *(first, second, feature, point, normal, gap, surface, belt, target, struck, late),
+        *(first, second, feature, names, point, normal, gap, surface, belt, target, struck, late),
         *(
             impulse,
             rows,
@@ -211,6 +216,7 @@ def add_contact(k: Any, i: Any, j: Any, feature: Any, point: Any, normal: Any, g
         k.number[1] += 1
         return -1
     k.first[number], k.second[number], k.feature[number], k.gap[number] = i, j, feature, gap
+    k.names[0, number], k.names[1, number] = i, j
     k.turns[number], k.braced[number], k.swing[number] = 0, 0, 0.0
     k.late[0, number], k.late[1, number] = 0.0, 0.0
     for axis in range(3):
@@ -219,6 +225,12 @@ def add_contact(k: Any, i: Any, j: Any, feature: Any, point: Any, normal: Any, g
     k.normal[0, number], k.normal[1, number], k.normal[2, number] = normal
     k.number[0] = number + 1
     return int(number)
+
+
+def name_contact(k: Any, number: Any, one: Any, other: Any) -> None:
+    """Give the two of a contact names that last."""
+    if number >= 0:
+        k.names[0, number], k.names[1, number] = one, other
 
 
 def set_surface(k: Any, number: Any, restitution: Any, static: Any, kinetic: Any) -> None:

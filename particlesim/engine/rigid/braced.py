@@ -18,7 +18,7 @@ import numpy as np
 
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.bodies import WORLD
-from particlesim.engine.rigid.joints import forward, level
+from particlesim.engine.rigid.joints import component_of, forward, level
 
 PART = 0.1
 """Part of the give of free bodies below which joints are solved for after each impulse."""
@@ -76,8 +76,7 @@ def part_left(b: Any, k: Any, joints: Any, c: Any, d: Any) -> float:
     if not whole > 0:
         return 1.0
     i, j, taken = k.first[c], k.second[c], 0.0
-    one = joints.component[i]
-    two = joints.component[j] if j != WORLD else -1
+    one, two = component_of(joints, i), component_of(joints, j)
     for each in range(2):
         component = one if each == 0 else two
         if component >= 0 and (each == 0 or two != one):
@@ -115,8 +114,7 @@ def response(b: Any, k: Any, joints: Any, c: Any, d: Any, r: Any, side: Any, bod
 def level_there(b: Any, k: Any, joints: Any, now: Any, gained: Any, c: Any) -> None:
     """Take away what the bodies of a contact, and all that they are joined to, have along joints."""
     i, j = k.first[c], k.second[c]
-    one = joints.component[i]
-    two = joints.component[j] if j != WORLD else -1
+    one, two = component_of(joints, i), component_of(joints, j)
     if one >= 0:
         level(joints, b, now, gained, one)
     if two >= 0 and two != one:

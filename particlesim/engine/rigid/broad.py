@@ -12,6 +12,7 @@ from particlesim.engine.rigid.grains import find_guests
 from particlesim.engine.rigid.narrow import touch
 from particlesim.engine.rigid.rolling import find_rolling
 from particlesim.engine.rigid.stops import find_stops
+from particlesim.engine.rigid.support import find_support
 from particlesim.engine.rigid.walls import touch_wall
 
 WATCHED = 2
@@ -68,6 +69,7 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
     if scene.guests is not None:
         joined = None if scene.joints is None else scene.joined
         find_guests(scene.guests, joined, b, k, motion, scene.slop, h)
+        find_support(scene.guests, b, k, motion, t, h)
 
 
 def begins(b: Any, margin: Any, i: Any) -> Any:

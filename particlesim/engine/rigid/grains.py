@@ -23,7 +23,16 @@ import numpy as np
 
 from particlesim.bodies.pieces import BOX, CAPSULE, CYLINDER, HULL, SPHERE
 from particlesim.compiler import kernel, on_stack, outlined
-from particlesim.engine.rigid.bodies import add_contact, orientation, place, row, set_fall, set_surface
+from particlesim.engine.rigid.bodies import (
+    GUEST,
+    add_contact,
+    name_contact,
+    orientation,
+    place,
+    row,
+    set_fall,
+    set_surface,
+)
 from particlesim.engine.rigid.convex import nearest
 from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, entry, minus, plus
 from particlesim.engine.rigid.pieces import Solid, solid_of
@@ -56,7 +65,10 @@ class Guests(NamedTuple):
     the first ones rods hold. How much what else acts on those that are not tied accelerates them at its beginning [m/s²]
     [3, n] (`pull`), once that has been `asked` for [1]: not before one of them touches something, 1, or hits it, 2. About
     where the impulse of an impact will shift them [3, n] (`probe`), and how much faster that makes what acts on them pull
-    them back, for every metre [1/s²] [n] (`bend`).
+    them back, for every metre [1/s²] [n] (`bend`). What they lie on (`support`): which of them touch a body, or others that
+    do, at the beginning of the step (`stands` [n]), and take part in the step as such (`rests` [n]); how
+    fast bodies that touch them come to them (`press` [n]); where they began it
+    (`began` [3, n]), and `cells` to find them in.
     """
 
     first: int
@@ -85,6 +97,12 @@ class Guests(NamedTuple):
     asked: Any
     probe: Any
     bend: Any
+    support: Any
+    stands: Any
+    rests: Any
+    press: Any
+    began: Any
+    cells: Any
 
 
 def away_from(p: Any, s: Any, x: Any, found: Any) -> Any:
@@ -136,18 +154,32 @@ def inside(p: Any, s: Any, a: Any) -> Any:
 
 
 @kernel
-def near_bodies(b: Any, touch: Any, x: Any, v: Any, radius: Any, h: Any, near: Any) -> None:
-    """Which particles may come to bodies within a time h, into near [n], 2 of those that come far by then for their size;
-    `touch` [groups]: bodies that they touch."""
+def near_bodies(b: Any, touch: Any, x: Any, v: Any, radius: Any, slop: Any, h: Any, near: Any) -> None:
+    """Which particles may come to bodies within a time h, into near [n]: 3 of those that come far by then for their size, 2
+    of others that touch one already, within about the slop; `touch` [groups]: bodies that they touch."""
+    found, p = on_stack(1, 9, np.float64), b.pieces
     for i in range(b.w.size):
         if touch[b.group[i]] > 0:
+            r = matrix(orientation(b, i))
             for m in range(radius.size):
                 d = (x[0, m] - b.x[0, i], x[1, m] - b.x[1, i], x[2, m] - b.x[2, i])
                 u = (v[0, m] - b.v[0, i], v[1, m] - b.v[1, i], v[2, m] - b.v[2, i])
                 reach = b.reach[i] + radius[m] + 1.5 * h * np.sqrt(dot(u, u))
                 if dot(d, d) < reach * reach:
                     swift = h * np.sqrt(dot(u, u)) > FAST * radius[m]
-                    near[m] = max(near[m], 2 if swift else 1)
+                    near[m] = max(near[m], 3 if swift else 1)
+                    if near[m] == 1 and touches_body(p, b, i, r, row(x, m), radius[m] + 2 * slop, found):
+                        near[m] = 2
+
+
+def touches_body(p: Any, b: Any, i: Any, r: Any, at: Any, radius: Any, found: Any) -> bool:
+    """Whether a sphere touches body i, which is turned by r."""
+    touches = False
+    for number in range(p.first[b.group[i]], p.first[b.group[i] + 1]):
+        if not touches:
+            away, _ = away_from(p, solid_of(p, number, place(b, i), r), at, found)
+            touches = away < radius
+    return touches
 
 
 @kernel
@@ -204,7 +236,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                     meet(guests, b, k, begin, kind, group)
                     if best[0, 0] < had:
                         which = i
-        guests.when[m] = 0.0
+        guests.when[m], guests.press[m] = 0.0, best[0, 1] if best[0, 0] < 0 else 0.0
         guests.awaits[m] = 1 if guests.tied[m] > 0 or best[0, 0] < 0 else 0
         if guests.awaits[m] == 0:
             for axis in range(3):
@@ -219,6 +251,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
             b.x[0, guest], b.x[1, guest], b.x[2, guest] = plus(place(b, which), 1.0, beside)
             where = plus(place(b, guest), -radius, n)
             number = add_contact(k, which, guest, GRAINS + guests.id[m], where, (-n[0], -n[1], -n[2]), 0.0)
+            name_contact(k, number, i, GUEST)
             if number >= 0:
                 # Others are not moved to where they would be if the impulse had been given then.
                 k.late[0, number], k.late[1, number] = best[0, 0], dot(row(guests.pull, m), n)
@@ -275,6 +308,7 @@ def roll(b: Any, k: Any, c: Any, friction: Any, flat: Any) -> None:
     i, guest, n, at = k.first[c], k.second[c], row(k.normal, c), row(k.point, c)
     number = add_contact(k, i, guest, ROLLING + k.feature[c], at, n, 0.0)
     set_surface(k, number, 0.0, friction, friction)
+    name_contact(k, number, i, GUEST)
     if number >= 0:
         size, other = b.reach[guest], abs(dot(minus(at, place(b, i)), n))
         k.turns[number], k.aim[0, number] = ROLL, c
@@ -316,7 +350,7 @@ def follow(
     """Follow the way of a guest, which moves with u as body i sees it, from the beginning of the step to a piece.
 
     All pieces that it touches there are noted; of those that it would come to, the first one is kept in `best` [1, 2]: when,
-    and its number.
+    and its number; once it touches one, minus infinity, and how fast they come together.
     """
     x = plus(at, -0.5 * h, u)
     now, n = away_from(p, s, x, found)
@@ -328,7 +362,9 @@ def follow(
         where = plus(at, -(radius + 0.5 * now), n)
         # What is deeper than a little is pushed out of it: of the overlap that bodies are left a guest has next to none.
         gap = now - (1 - LEFT) * slop if now < 0 else now
-        add_contact(k, i, guest, GRAINS + id, where, (-n[0], -n[1], -n[2]), gap)
+        number = add_contact(k, i, guest, GRAINS + id, where, (-n[0], -n[1], -n[2]), gap)
+        name_contact(k, number, i, GUEST)
+        best[0, 1] = max(falls, best[0, 1] if best[0, 0] < 0 else 0.0)
         best[0, 0] = -np.inf
         return
     gap, t = now, 0.0
@@ -362,9 +398,8 @@ def settle_guests(scene: Any, b: Any, k: Any) -> None:
     guests."""
     guests = scene.guests
     for c in range(k.number[0]):
-        guest = k.second[c]
-        if guest >= guests.first:
-            m = guest - guests.first
+        guest, m = k.second[c], k.second[c] - guests.first
+        if m >= 0 and guests.when[m] != 0:
             for axis in range(3):
                 total = 0.0
                 for d in range(3):

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import outlined
-from particlesim.engine.rigid.bodies import FEATURES, WORLD, place, row
+from particlesim.engine.rigid.bodies import FEATURES, GUEST, WORLD, place, row
 from particlesim.engine.rigid.contact_rows import speed_along
 from particlesim.engine.rigid.narrow import entry, minus
 from particlesim.engine.rigid.rotation import cross
@@ -72,7 +72,8 @@ def note_impacts(hearing: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> N
     """Note the impacts among all contacts, whose impulses have been given at a time in the middle of a step of h; velocities
     before them are in `motion.start`."""
     for c in range(k.number[0]):
-        if k.struck[c] > 0 and (k.second[c] == WORLD or k.struck[c] > kicked(b, k, motion, c, h)):
+        own = k.names[0, c] != GUEST  # of particles on anything else their own step tells
+        if own and k.struck[c] > 0 and (k.second[c] == WORLD or k.struck[c] > kicked(b, k, motion, c, h)):
             when = t - 0.5 * h + k.late[0, c] if k.late[0, c] > 0 else t
             note(hearing, b, k, motion.start, c, k.struck[c], when)
 

@@ -261,6 +261,11 @@ def solved(j: Any, component: Any) -> None:
 # ---- velocities
 
 
+def component_of(j: Any, i: Any) -> int:
+    """The component of joints that a body is in; −1 for none, for particles that no rod holds, and for colliders."""
+    return int(j.component[i]) if 0 <= i < j.component.size else -1
+
+
 @outlined
 def level(j: Any, b: Any, now: Any, gained: Any, component: Any) -> None:
     """Take away what velocities `now` have along the rows of a component, which are laid out and factorised; `gained`

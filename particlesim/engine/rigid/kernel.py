@@ -196,7 +196,7 @@ def hangs(joints: Any, component: Any, bodies: Any) -> bool:
 def part_overlaps(scene: Any, b: Any, k: Any, motion: Any, h: Any) -> bool:
     """Move bodies that overlap apart; whether joints could be held."""
     held = True
-    if push_apart(b, k, motion, scene.joints, scene.slop, h):
+    if push_apart(b, k, motion, scene.joints, scene.guests, scene.slop, h):
         for i in range(b.w.size):
             m = motion.apart[i]
             for axis in range(3):
@@ -321,17 +321,25 @@ def hold_guests(scene: Any, b: Any, k: Any, motion: Any) -> bool:
     """Have guests that lie on bodies end a step, after all have made their own, with the velocities that contact has aimed
     at: they and the bodies get more of its impulses, or give some of them back. Whether there are any."""
     velocities(b, motion)
-    count, first = 0, scene.guests.first
+    count, guests = 0, scene.guests
     for c in range(k.number[0]):
-        m = k.second[c] - first
-        if m >= 0 and k.turns[c] == 0 and not k.late[0, c] > 0 and scene.guests.awaits[m] > 0:
-            k.order[count] = c
-            count += 1
-            at = plus(place(b, first + m), scene.guests.radius[m], row(k.normal, c))
-            k.point[0, c], k.point[1, c], k.point[2, c] = at
+        i, m = k.first[c] - guests.first, k.second[c] - guests.first
+        if k.turns[c] == 0 and not k.late[0, c] > 0 and (there(guests, i) or there(guests, m)):
+            if (i < 0 or there(guests, i)) and (m < 0 or there(guests, m)):
+                k.order[count] = c
+                count += 1
+                at = plus(place(b, guests.first + m), guests.radius[m], row(k.normal, c)) if m >= 0 else (
+                    plus(place(b, guests.first + i), -guests.radius[i], row(k.normal, c))
+                )
+                k.point[0, c], k.point[1, c], k.point[2, c] = at
     if count > 0:
         solve_again(b, k, motion, scene.joints, count)
     return count > 0
+
+
+def there(guests: Any, m: Any) -> bool:
+    """Whether guest m takes part in the end of a step."""
+    return bool(m >= 0 and guests.awaits[m] > 0)
 
 
 @kernel

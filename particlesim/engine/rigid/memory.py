@@ -28,7 +28,7 @@ def address(memory: Any, i: Any, j: Any, feature: Any) -> int:
 def recall(b: Any, k: Any, motion: Any, memory: Any) -> None:
     """Begin with the impulses of the last step. What had one goes on touching, and does not hit."""
     for c in range(k.number[0]):
-        at = address(memory, k.first[c], k.second[c], k.feature[c])
+        at = address(memory, k.names[0, c], k.names[1, c], k.feature[c])
         if memory.keys[0, at] != NOBODY:
             p = row(memory.impulse, at)
             e = k.rows[c]
@@ -61,8 +61,9 @@ def remember(k: Any, memory: Any) -> None:
     forget(memory)
     for c in range(k.number[0]):
         if k.impulse[c, 0] > 0 or k.turns[c] > 0:
-            at = address(memory, k.first[c], k.second[c], k.feature[c])
-            memory.keys[0, at], memory.keys[1, at], memory.keys[2, at] = k.first[c], k.second[c], k.feature[c]
+            one, two = k.names[0, c], k.names[1, c]
+            at = address(memory, one, two, k.feature[c])
+            memory.keys[0, at], memory.keys[1, at], memory.keys[2, at] = one, two, k.feature[c]
             start, scale = 0, 1.0
             if k.turns[c] == ROLL:
                 start, scale = 3, (1 / k.aim[1, c] ** 2 if k.aim[1, c] > 0 else 0.0)

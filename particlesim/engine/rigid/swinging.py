@@ -19,6 +19,7 @@ import numpy as np
 from particlesim.bodies.pieces import CAPSULE, SPHERE
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.bodies import FEATURES, WORLD, place, row
+from particlesim.engine.rigid.joints import component_of
 from particlesim.engine.rigid.manifold import SPAN
 from particlesim.engine.rigid.narrow import minus, plus
 from particlesim.engine.rigid.rotation import angular_velocity, cross, dot
@@ -37,7 +38,9 @@ def watch_swings(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
     `joints.before`."""
     for c in range(k.number[0]):
         i = k.first[c]
-        if k.second[c] != WORLD or k.turns[c] != 0 or joints.component[i] < 0 or not k.gap[c] > 0:
+        if k.second[c] != WORLD or k.turns[c] != 0 or not k.gap[c] > 0:
+            continue
+        if component_of(joints, i) < 0:
             continue
         g, p = b.group[i], b.pieces
         number = p.first[g] + (k.feature[c] % FEATURES) // SPAN

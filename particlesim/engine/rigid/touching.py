@@ -41,6 +41,6 @@ def contacts_of(scenario: Scenario, bodies: Sequence[str]) -> dict[str, Touching
     return found
 
 
-def no_contact(bodies: int) -> Touching:
-    """That of particles which touch none of so many groups of bodies."""
-    return Touching(*np.zeros((len(Touching._fields), bodies)))
+def no_contact(*others: int) -> Touching:
+    """That of particles which touch none of so many groups."""
+    return Touching(*np.zeros((len(Touching._fields), *others)))

@@ -9,6 +9,7 @@ import numpy as np
 
 from particlesim.engine.rigid.bodies import Bodies
 from particlesim.engine.rigid.grains import Guests
+from particlesim.engine.rigid.support import Support, new_cells
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.model.arrays import Floats, Ints
@@ -21,8 +22,8 @@ class Visitors(NamedTuple):
     moments of inertia, infinite for those that do not turn, kinds, radii, ids [n]; contact by kind and group of bodies
     [kinds, groups]; by how much what else acts on them changes their velocities in a step [3, n], of what is not tied to
     bodies without its forces before these are known, and moves them beyond half of that (`beyond` [3, n]); which of them
-    springs and rods tie to bodies, and whose impacts are left to their own step [n]; how many of them, the first ones, rods
-    hold."""
+    springs and rods tie to bodies, whose impacts are left to their own step, and which touch bodies or others that do [n];
+    how many of them, the first ones, rods hold."""
 
     x: Floats
     v: Floats
@@ -44,6 +45,7 @@ class Visitors(NamedTuple):
     beyond: Floats
     tied: Ints
     swift: Ints
+    stands: Ints
     held: int = 0
 
 
@@ -67,6 +69,7 @@ def among(
     held: int,
     tied: Ints,
     swift: Ints,
+    stands: Ints,
 ) -> Visitors:
     """Some rows of groups as visitors, with what contact of each group does, as `Touching`
     [fields, kinds, groups of bodies], and `load`, which
@@ -85,11 +88,11 @@ def among(
         parts.append((x, v, spin, weight, inertia, np.full(len(rows), kind), radius, state.id[rows]))
     columns = [np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)]
     load = np.where(columns[3] > 0, load, 0.0)
-    return Visitors._make([*columns, *surfaces, load[:3], load[3:], tied, swift, held])
+    return Visitors._make([*columns, *surfaces, load[:3], load[3:], tied, swift, stands, held])
 
 
-def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
-    """The visitors as kernels take them, after so many bodies, for a step of length h."""
+def guests_of(visitors: Visitors, support: Support, bodies: int, h: float) -> Guests:
+    """The visitors as kernels take them, after so many bodies, with what they lie on, for a step of length h."""
     n = len(visitors.w)
     tables = (
         visitors.touch,
@@ -114,6 +117,8 @@ def guests_of(visitors: Visitors, bodies: int, h: float) -> Guests:
             *(np.zeros(bodies, np.int64), np.zeros(n, np.int64)),
             visitors.held,
             *known,
+            *(support, visitors.stands.copy(), np.zeros(n, np.int64), np.zeros(n), np.zeros((3, n))),
+            new_cells(visitors.radius),
         ]
     )
 
@@ -135,7 +140,7 @@ def joined(b: Bodies, visitors: Visitors) -> Bodies:
 def renew(guests: Guests, visitors: Visitors, h: float) -> None:
     """The same visitors in another step."""
     guests.other[:] = _others(visitors, h)
-    guests.tied[:], guests.swift[:] = visitors.tied, visitors.swift
+    guests.tied[:], guests.swift[:], guests.stands[:] = visitors.tied, visitors.swift, visitors.stands
     guests.pull[:], guests.asked[0], guests.bend[:] = 0.0, 0, 0.0
 
 

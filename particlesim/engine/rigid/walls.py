@@ -92,18 +92,23 @@ def touch_wall(scene: Any, wall: Any, b: Any, k: Any, i: Any, margin: Any, t: An
         if is_beside(scene.walls, wall.number, g, place(b, i), far, t):
             settle_ghosts(scene.walls, wall, k, g, begin, scene.slop, t)
     for number in range(begin, k.number[0]):
-        set_surface(k, number, wall.restitution, wall.static, wall.kinetic)
-        if wall.falling is not None:
-            set_fall(k, number, 0, wall.restitution, wall.falling.speed, wall.falling.exponent)
-        n = row(k.normal, number)
-        belt = carried(wall.shape, wall.belt, t, 0.0)
-        out = dot(belt, n)  # what points out of the surface counts for nothing
-        for axis, part in enumerate(belt):
-            k.belt[axis, number] = part - out * k.normal[axis, number]
-        if isinstance(wall.shape, MovingRecord):
-            at, f = row(k.point, number), frame_at(wall.shape, t, 0.0)
-            for axis, part in enumerate(surface_velocity(wall.shape, f, at[0], at[1], at[2])):
-                k.belt[axis, number] += part
+        set_wall(wall, k, number, t)
+
+
+def set_wall(wall: Any, k: Any, number: Any, t: Any) -> None:
+    """What a collider does at a contact, and how its surface moves there at a time."""
+    set_surface(k, number, wall.restitution, wall.static, wall.kinetic)
+    if wall.falling is not None:
+        set_fall(k, number, 0, wall.restitution, wall.falling.speed, wall.falling.exponent)
+    n = row(k.normal, number)
+    belt = carried(wall.shape, wall.belt, t, 0.0)
+    out = dot(belt, n)  # what points out of the surface counts for nothing
+    for axis, part in enumerate(belt):
+        k.belt[axis, number] = part - out * k.normal[axis, number]
+    if isinstance(wall.shape, MovingRecord):
+        at, f = row(k.point, number), frame_at(wall.shape, t, 0.0)
+        for axis, part in enumerate(surface_velocity(wall.shape, f, at[0], at[1], at[2])):
+            k.belt[axis, number] += part
 
 
 @outlined

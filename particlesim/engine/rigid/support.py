@@ -1,0 +1,212 @@
+"""What particles among bodies lie on: colliders, and each other.
+
+A body on grains on a floor rests on all of these at once. So what touches a body, what touches that, and so on, is among the
+bodies for a step (`gather`), and all of their contacts take part in the impulses of the step: those that touch, and those
+over a gap which a body that comes to a particle, or both, may close in the step. What bodies hit on their way, and what is
+farther from each other, meets in its own step, in the order of time.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particlesim.colliders.moving import spin_of
+from particlesim.compiler import kernel, outlined
+from particlesim.engine.rigid.bodies import (
+    GUEST,
+    WORLD,
+    add_contact,
+    name_contact,
+    place,
+    row,
+    set_fall,
+    set_surface,
+)
+from particlesim.engine.rigid.grains import GRAINS
+from particlesim.engine.rigid.narrow import minus, plus
+from particlesim.engine.rigid.probing import away, probe
+from particlesim.engine.rigid.rolling import ROLLING
+from particlesim.engine.rigid.rotation import dot
+from particlesim.engine.rigid.stops import ROLL
+from particlesim.engine.rigid.touching import Touching
+from particlesim.engine.rigid.walls import Wall, set_wall
+from particlesim.laws.registry import gap
+
+TOUCH = 0.01
+"""Gap up to which particles lie on each other, or on a collider, as a part of the smaller radius."""
+AROUND = 27
+"""A cube of the grid and those beside it."""
+
+
+class Support(NamedTuple):
+    """Colliders, with the kinds of particles that each holds back (`walls`); contact of particles with each other
+    [kinds, kinds] (`pairs`), and their rolling friction on colliders [kinds]."""
+
+    walls: tuple[Wall, ...]
+    pairs: Touching
+    rolling: Any
+
+
+class Cells(NamedTuple):
+    """Particles in cubes of a grid, whose width is that of the largest contact [m]: the first one in each bucket of cubes,
+    the next one of each, −1 at the end [n], and the cube of each [3, n]."""
+
+    width: float
+    first: Any
+    next: Any
+    cube: Any
+
+
+def new_cells(radius: Any) -> Cells:
+    """Cells for particles of such radii."""
+    n = len(radius)
+    width = 2 * (1 + TOUCH) * float(radius.max(initial=0.0)) or 1.0
+    return Cells(
+        width,
+        np.full(1 << max(4, (2 * n - 1).bit_length()), -1, np.int64),
+        np.full(n, -1, np.int64),
+        np.zeros((3, n), np.int64),
+    )
+
+
+def bucket(cells: Any, i: Any, number: Any) -> int:
+    """Where the particles are of a cube beside that of particle i."""
+    a = cells.cube[0, i] + number % 3 - 1
+    b = cells.cube[1, i] + number // 3 % 3 - 1
+    c = cells.cube[2, i] + number // 9 - 1
+    return int((a * 73856093 + b * 19349663 + c * 83492791) & (cells.first.size - 1))
+
+
+MIDDLE = AROUND // 2
+"""The number of the cube of the particle itself."""
+
+
+@outlined
+def sort_in(cells: Any, x: Any, may: Any) -> None:
+    """Put the particles at x [3, n] that `may` be met [n] into cells."""
+    for at in range(cells.first.size):
+        cells.first[at] = -1
+    for back in range(cells.next.size):
+        i = cells.next.size - 1 - back
+        if may[i] > 0:
+            for axis in range(3):
+                cells.cube[axis, i] = int(np.floor(x[axis, i] / cells.width))
+            at = bucket(cells, i, MIDDLE)
+            cells.next[i] = cells.first[at]
+            cells.first[at] = i
+
+
+@kernel
+def gather(
+    cells: Any, touch: Any, x: Any, radius: Any, kind: Any, may: Any, found: Any, queue: Any, most: Any
+) -> int:
+    """All particles that touch those which are `found` (1) already [n], what touches these, and so on, `most` at most, into
+    found and, in turn, into the queue [n]; `touch` [kinds, kinds]. Those that `may` not be moved (2) pass nothing on [n].
+    Returns how many there are."""
+    sort_in(cells, x, may)
+    count, at = 0, 0
+    for i in range(found.size):
+        if found[i] > 0:
+            queue[count] = i
+            count += 1
+    while at < count and count < most:
+        i = queue[at]
+        at += 1
+        for number in range(AROUND if may[i] == 1 else 0):
+            o = cells.first[bucket(cells, i, number)]
+            while o >= 0:
+                if found[o] == 0 and touch[kind[i], kind[o]] > 0 and count < most:
+                    d = (x[0, i] - x[0, o], x[1, i] - x[1, o], x[2, i] - x[2, o])
+                    reach = radius[i] + radius[o] + TOUCH * min(radius[i], radius[o])
+                    if dot(d, d) < reach * reach:
+                        found[o] = 1
+                        queue[count] = o
+                        count += 1
+                o = cells.next[o]
+    return count
+
+
+@outlined
+def find_support(guests: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> None:
+    """Note what guests lie on in a step of length h, whose middle is at t; their own contacts with bodies are known."""
+    s, count = guests.support, 0
+    for m in range(guests.radius.size):
+        i, lies = guests.first + m, guests.stands[m] > 0 and guests.alone[m] == 0 and guests.when[m] == 0
+        guests.rests[m] = 1 if lies else 0
+        if lies:
+            count += 1
+            guests.awaits[m] = 1
+            for axis in range(3):
+                guests.began[axis, m] = b.x[axis, i] - 0.5 * h * motion.now[i, axis]
+    if count == 0:
+        return
+    for wall in s.walls:
+        for m in range(guests.radius.size):
+            if guests.rests[m] > 0 and wall.on[guests.kind[m]] > 0 and b.w[guests.first + m] > 0:
+                on_wall(wall, guests, b, k, m, t, h)
+    sort_in(guests.cells, guests.began, guests.rests)
+    for m in range(guests.radius.size):
+        for number in range(AROUND if guests.rests[m] > 0 else 0):
+            o = guests.cells.first[bucket(guests.cells, m, number)]
+            while o >= 0:
+                if guests.id[m] < guests.id[o] and s.pairs.touch[guests.kind[m], guests.kind[o]] > 0:
+                    on_each_other(guests, b, k, m, o, h)
+                o = guests.cells.next[o]
+
+
+@outlined
+def on_wall(wall: Any, guests: Any, b: Any, k: Any, m: Any, t: Any, h: Any) -> None:
+    """Note the contact of a guest with a collider."""
+    i, radius, x = guests.first + m, guests.radius[m], row(guests.began, m)
+    p = probe(x, radius, t - 0.5 * h)
+    distance = gap(wall.shape, p)
+    if distance < TOUCH * radius + h * guests.press[m]:
+        n = away(wall.shape, p)
+        number = add_contact(
+            k, i, WORLD, GRAINS + guests.id[m], plus(place(b, i), -radius, n), n, distance
+        )
+        if number < 0:
+            return
+        set_wall(wall, k, number, t)
+        name_contact(k, number, GUEST, GUEST - 1 - wall.number)
+        friction = guests.support.rolling[guests.kind[m]]
+        if friction > 0:
+            roll_on(b, k, number, friction, radius, spin_of(wall.shape))
+
+
+@outlined
+def on_each_other(guests: Any, b: Any, k: Any, m: Any, o: Any, h: Any) -> None:
+    """Note the contact of two guests, if they touch."""
+    one, two = guests.radius[m], guests.radius[o]
+    d, size = minus(row(guests.began, m), row(guests.began, o)), min(one, two)
+    length2, reach = dot(d, d), one + two + TOUCH * size + h * max(guests.press[m], guests.press[o])
+    i, j, s = guests.first + m, guests.first + o, guests.support.pairs
+    if length2 < reach * reach and length2 > 0 and b.w[i] + b.w[j] > 0:
+        length = np.sqrt(length2)
+        n, distance = (d[0] / length, d[1] / length, d[2] / length), length - one - two
+        at = plus(place(b, j), two + 0.5 * distance, n)
+        number = add_contact(k, i, j, GRAINS + guests.id[m], at, n, distance)
+        a, c = guests.kind[m], guests.kind[o]
+        set_surface(k, number, s.restitution[a, c], s.static[a, c], s.kinetic[a, c])
+        if number >= 0:
+            if k.falls is not None:
+                set_fall(k, number, 0, s.restitution[a, c], s.speed[a, c], s.exponent[a, c])
+            name_contact(k, number, GUEST, guests.id[o])
+            if s.rolling[a, c] > 0:
+                roll_on(b, k, number, s.rolling[a, c], one * two / (one + two), (0.0, 0.0, 0.0))
+
+
+def roll_on(b: Any, k: Any, c: Any, friction: Any, size: Any, spin: Any) -> None:
+    """Note the rolling friction of guests at contact c (`rolling`)."""
+    i, j = k.first[c], k.second[c]
+    turns = b.inertia[0, i] < np.inf or (j != WORLD and b.inertia[0, j] < np.inf)
+    if turns:
+        number = add_contact(k, i, j, ROLLING + k.feature[c], row(k.point, c), row(k.normal, c), 0.0)
+        set_surface(k, number, 0.0, friction, friction)
+        if number >= 0:
+            name_contact(k, number, k.names[0, c], k.names[1, c])
+            k.turns[number], k.aim[0, number], k.aim[1, number] = ROLL, c, size
+            for axis in range(3):
+                k.belt[axis, number] = spin[axis]
