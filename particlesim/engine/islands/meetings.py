@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 # What steps bodies is imported where there are some.
 
-MOST = 20_000
-"""Particles that lie on each other below bodies which are among these for a step, at most."""
+ENOUGH = 20_000
+"""Particles that touch each other below bodies, from which on no others are sought for to be among these for a step."""
 
 
 class Meetings:
@@ -133,7 +133,7 @@ class Meetings:
             may, moves = np.ones(len(near), np.int64), [_moves(state) for state in self._states]
             may[~np.concatenate(moves)] = 2
             rest = (new_cells(columns[1]), self._bodies.support.pairs.touch, *columns)
-            gather(*rest, np.concatenate(kinds), may, below, np.empty_like(near), MOST)
+            gather(*rest, np.concatenate(kinds), may, below, np.empty_like(near), ENOUGH)
         return np.split(below, np.cumsum([len(each) for each in found])[:-1])
 
     def _accelerations(self, time: float, probe: Floats | None) -> tuple[Floats, Floats]:
@@ -187,7 +187,7 @@ class Meetings:
             if state.name in self._tied:
                 self._note(state, rows, after.shift[:, part][:, changed], after.v[:, part][:, changed])
             state.x[:, rows] += after.shift[:, part][:, changed].astype(state.dtype)
-            state.v[:, rows] = after.v[:, part][:, changed]
+            state.v[:, rows] = after.v[:, part][:, changed] + after.passed[:, part][:, changed] / state.mass[rows]
             if SPIN in state.parts:
                 state.angular_velocity[:, rows] = after.turning[:, part][:, changed]
             if len(state.memory):

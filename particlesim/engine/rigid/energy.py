@@ -75,6 +75,8 @@ def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
             if joints.second[g] != WORLD:
                 unite(parent, joints.first[g], joints.second[g])
     for i in range(b.w.size):
+        if not b.w[i] > 0:
+            continue  # a guest that nothing moves
         was, now, m = motion.start[i], motion.now[i], 1 / b.w[i]
         work = had = 0.0
         for axis in range(3):

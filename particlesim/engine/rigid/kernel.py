@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.rigid.acting import potential_of, power, sum_all_forces
-from particlesim.engine.rigid.bodies import orientation, place, row
+from particlesim.engine.rigid.bodies import GUEST, orientation, place, row
 from particlesim.engine.rigid.broad import find_contacts
 from particlesim.engine.rigid.free import move, own
-from particlesim.engine.rigid.grains import asks, settle_guests
+from particlesim.engine.rigid.grains import BESIDE, asks, settle_guests
 from particlesim.engine.rigid.hearing import note_impacts, silence
 from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.memory import forget
@@ -319,27 +319,30 @@ def close_joints(scene: Any, b: Any, motion: Any) -> bool:
 @kernel
 def hold_guests(scene: Any, b: Any, k: Any, motion: Any) -> bool:
     """Have guests that lie on bodies end a step, after all have made their own, with the velocities that contact has aimed
-    at: they and the bodies get more of its impulses, or give some of them back. Whether there are any."""
+    at: they and the bodies get more of its impulses, or give some of them back, as does what these particles touch besides.
+    Whether there are any."""
     velocities(b, motion)
     count, guests = 0, scene.guests
     for c in range(k.number[0]):
+        m = k.second[c] - guests.first
+        if m >= 0 and k.names[0, c] != GUEST and guests.awaits[m] > 0:
+            guests.rests[m] = BESIDE
+    for c in range(k.number[0]):
         i, m = k.first[c] - guests.first, k.second[c] - guests.first
-        if k.turns[c] == 0 and not k.late[0, c] > 0 and (there(guests, i) or there(guests, m)):
-            if (i < 0 or there(guests, i)) and (m < 0 or there(guests, m)):
-                k.order[count] = c
-                count += 1
-                at = plus(place(b, guests.first + m), guests.radius[m], row(k.normal, c)) if m >= 0 else (
-                    plus(place(b, guests.first + i), -guests.radius[i], row(k.normal, c))
-                )
-                k.point[0, c], k.point[1, c], k.point[2, c] = at
+        here = (i < 0 or guests.awaits[i] > 0) and (m < 0 or guests.awaits[m] > 0)
+        beside = (i >= 0 and guests.rests[i] == BESIDE) or (m >= 0 and guests.rests[m] == BESIDE)
+        if k.turns[c] == 0 and not k.late[0, c] > 0 and here and beside:
+            k.order[count] = c
+            count += 1
+            n = row(k.normal, c)
+            if m >= 0:
+                at = plus(place(b, guests.first + m), guests.radius[m], n)
+            else:
+                at = plus(place(b, guests.first + i), -guests.radius[i], n)
+            k.point[0, c], k.point[1, c], k.point[2, c] = at
     if count > 0:
         solve_again(b, k, motion, scene.joints, count)
     return count > 0
-
-
-def there(guests: Any, m: Any) -> bool:
-    """Whether guest m takes part in the end of a step."""
-    return bool(m >= 0 and guests.awaits[m] > 0)
 
 
 @kernel

@@ -11,10 +11,9 @@ from typing import Any
 from particlesim.compiler import shared
 from particlesim.engine.rigid.bodies import GUEST, WORLD
 from particlesim.engine.rigid.braced import level_there
+from particlesim.engine.rigid.grains import CARRIED
 from particlesim.engine.rigid.solver import level_all
 
-CARRIED = 2
-"""What `rests` of a particle is then."""
 PUSHES = 12
 """Sweeps that push apart."""
 PART = 0.2

@@ -24,7 +24,7 @@ from particlesim.engine.rigid.bodies import (
     set_fall,
     set_surface,
 )
-from particlesim.engine.rigid.grains import GRAINS
+from particlesim.engine.rigid.grains import EDGE, GRAINS, LIES
 from particlesim.engine.rigid.narrow import minus, plus
 from particlesim.engine.rigid.probing import away, probe
 from particlesim.engine.rigid.rolling import ROLLING
@@ -100,24 +100,24 @@ def sort_in(cells: Any, x: Any, may: Any) -> None:
 
 @kernel
 def gather(
-    cells: Any, touch: Any, x: Any, radius: Any, kind: Any, may: Any, found: Any, queue: Any, most: Any
+    cells: Any, touch: Any, x: Any, radius: Any, kind: Any, may: Any, found: Any, queue: Any, enough: Any
 ) -> int:
-    """All particles that touch those which are `found` (1) already [n], what touches these, and so on, `most` at most, into
-    found and, in turn, into the queue [n]; `touch` [kinds, kinds]. Those that `may` not be moved (2) pass nothing on [n].
-    Returns how many there are."""
+    """All particles that touch those which are `found` (1) already [n], what touches these, and so on, into found and, in
+    turn, into the queue [n], until there are so many, or a few more; `touch` [kinds, kinds]. Those that `may` not be moved
+    (2) pass nothing on [n]. What is at the edge then is marked as such. Returns how many there are."""
     sort_in(cells, x, may)
     count, at = 0, 0
     for i in range(found.size):
         if found[i] > 0:
             queue[count] = i
             count += 1
-    while at < count and count < most:
+    while at < count and count < enough:
         i = queue[at]
         at += 1
         for number in range(AROUND if may[i] == 1 else 0):
             o = cells.first[bucket(cells, i, number)]
             while o >= 0:
-                if found[o] == 0 and touch[kind[i], kind[o]] > 0 and count < most:
+                if found[o] == 0 and touch[kind[i], kind[o]] > 0:
                     d = (x[0, i] - x[0, o], x[1, i] - x[1, o], x[2, i] - x[2, o])
                     reach = radius[i] + radius[o] + TOUCH * min(radius[i], radius[o])
                     if dot(d, d) < reach * reach:
@@ -125,21 +125,26 @@ def gather(
                         queue[count] = o
                         count += 1
                 o = cells.next[o]
+    for q in range(at, count):
+        found[queue[q]] = EDGE
     return count
 
 
 @outlined
 def find_support(guests: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> None:
-    """Note what guests lie on in a step of length h, whose middle is at t; their own contacts with bodies are known."""
+    """Note what guests lie on in a step of length h, whose middle is at t; their own contacts with bodies are known. What
+    does not await anything gets no force of its own."""
     s, count = guests.support, 0
     for m in range(guests.radius.size):
         i, lies = guests.first + m, guests.stands[m] > 0 and guests.alone[m] == 0 and guests.when[m] == 0
-        guests.rests[m] = 1 if lies else 0
+        guests.rests[m] = LIES if lies else 0
         if lies:
             count += 1
             guests.awaits[m] = 1
-            for axis in range(3):
-                guests.began[axis, m] = b.x[axis, i] - 0.5 * h * motion.now[i, axis]
+        for axis in range(3):
+            guests.began[axis, m] = b.x[axis, i] - 0.5 * h * motion.now[i, axis]
+            if guests.awaits[m] == 0:
+                guests.other[axis, m] = 0.0
     if count == 0:
         return
     for wall in s.walls:

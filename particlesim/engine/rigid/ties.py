@@ -77,7 +77,8 @@ class Ties:
             np.zeros((6, number)),
             number if held else 0,
         )
-        return among(chosen, *nothing, np.ones(number, np.int64), np.zeros(number, np.int64))
+        none = np.zeros(number, np.int64)
+        return among(chosen, *nothing, np.ones(number, np.int64), none, none)
 
     def on_rods(self) -> list[tuple[GroupState, Ints]]:
         """The particles that rods hold: groups, and rows of them."""
