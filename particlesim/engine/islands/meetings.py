@@ -126,7 +126,10 @@ class Meetings:
         below = np.where(near == 2, 1, 0)
         if below.any():
             columns = [
-                np.concatenate([np.asarray(getattr(state, name)[..., : state.count], float) for state in self._states], -1)
+                np.concatenate(
+                    [np.asarray(getattr(state, name)[..., : state.count], float) for state in self._states],
+                    -1,
+                )
                 for name in ("x", "radius")
             ]
             kinds = [np.full(state.count, len(self._held) + k) for k, state in enumerate(self._states)]
@@ -187,7 +190,7 @@ class Meetings:
             if state.name in self._tied:
                 self._note(state, rows, after.shift[:, part][:, changed], after.v[:, part][:, changed])
             state.x[:, rows] += after.shift[:, part][:, changed].astype(state.dtype)
-            state.v[:, rows] = after.v[:, part][:, changed] + after.passed[:, part][:, changed] / state.mass[rows]
+            state.v[:, rows] = after.v[:, part][:, changed]
             if SPIN in state.parts:
                 state.angular_velocity[:, rows] = after.turning[:, part][:, changed]
             if len(state.memory):

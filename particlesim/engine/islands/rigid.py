@@ -15,7 +15,7 @@ from particlesim.engine.islands.base import BaseIsland, Intrusion
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.islands.laps import Laps
-from particlesim.engine.islands.rigid_scene import colliders_of, scene_of, some_fall, still_of
+from particlesim.engine.islands.rigid_scene import are_heard, colliders_of, scene_of, some_fall, still_of
 from particlesim.engine.ledger.sums import measure
 from particlesim.engine.rigid.bodies import (
     FEATURES,
@@ -179,7 +179,7 @@ class RigidIsland(BaseIsland):
         if not any(name in found for name in groups):
             return None
         if self._obstacles is None:
-            self._obstacles = obstacles_of(self.bodies(), waits=self._scene.hearing is not None)
+            self._obstacles = obstacles_of(self.bodies(), waits=are_heard(self._scenario, self.states))
         laws = (found.get(name) or no_contact(len(names)) for name in groups)
         touching = Touching(*(np.array(column) for column in zip(*laws, strict=True)))
         mine = np.zeros_like(self._obstacles.given)
@@ -334,7 +334,7 @@ class RigidIsland(BaseIsland):
         if scene.hearing is not None:
             names = (*(state.name for state in self.states), *self.guests)
             code = codes_of_groups(self._scenario, names, names)
-            scene = scene._replace(hearing=with_particles(scene.hearing, code, visitors))
+            scene = scene._replace(hearing=with_particles(scene.hearing, code, self.support.heard, visitors))
         if scene.joints is not None:
             strangers = np.zeros(len(visitors.w) - visitors.held, scene.joined.dtype)
             scene = scene._replace(joined=np.append(scene.joined, strangers))

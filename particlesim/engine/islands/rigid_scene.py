@@ -31,7 +31,15 @@ from particlesim.engine.state.table import HEARD, HIT
 from particlesim.graph.graph import Island
 from particlesim.interactions.contact import Contact
 from particlesim.model.attributes import FURTHER
-from particlesim.scenario.reach import codes_of_groups, held_back, meetings_of, pair_sets, touches_by_surfaces
+from particlesim.scenario.reach import (
+    codes_of_groups,
+    heard,
+    held_back,
+    meetings_of,
+    pair_sets,
+    touches_by_surfaces,
+)
+from particlesim.model.arrays import Ints
 from particlesim.scenario.scenario import Scenario
 
 SLOP = 1e-4
@@ -129,12 +137,10 @@ def support_of(scenario: Scenario, kinds: Sequence[str]) -> Support:
         if collider.contact in ("bounce", "slide") and not collider.soft:
             on = np.array([held_back(collider, (name,)) and name not in soft for name in kinds], np.int64)
             walls.append(wall_of(collider, on, number))
-    return Support(tuple(walls), pairs, rolling)
+    return Support(tuple(walls), pairs, rolling, _heard_on_colliders(scenario, kinds))
 
 
-def each_pair(
-    law: Contact, groups: Sequence[str], kinds: Sequence[str]
-) -> Iterator[tuple[int, int]]:
+def each_pair(law: Contact, groups: Sequence[str], kinds: Sequence[str]) -> Iterator[tuple[int, int]]:
     """The kinds of particles of which a contact takes pairs, both ways."""
     for a, name in enumerate(kinds):
         for c, other in enumerate(kinds):
@@ -147,9 +153,10 @@ def _hearing(
 ) -> Hearing | None:
     """Which impacts of bodies, and of particles on them, emitters hear; None where they hear none."""
     names = [group.name for group in structure.groups]
-    others = [group.name for group in scenario.groups if group.name not in names]
-    if HEARD not in whole.parts and (codes_of_groups(scenario, others, names) == -1).all():
-        return None
+    all_names = [group.name for group in scenario.groups]
+    if HEARD not in whole.parts and (codes_of_groups(scenario, all_names, all_names) == -1).all():
+        if (_heard_on_colliders(scenario, all_names) == -1).all():
+            return None
     numbers = np.full((len(colliders_of(structure)), len(structure.groups)), -1)
     for k, collider in enumerate(colliders_of(structure)):
         for g, (met, heard) in enumerate(zip(structure.colliders, structure.heard, strict=True)):
@@ -159,7 +166,33 @@ def _hearing(
     n = whole.count
     rows = whole.hit[:, :n] if HEARD in whole.parts else np.zeros((len(HIT), n))
     code = codes_of_groups(scenario, names, names)
-    return Hearing(numbers, rows, whole.radius[:n].astype(float), owner, whole.id[:n].copy(), code)
+    return Hearing(
+        numbers,
+        np.empty((0, 0), np.int64),
+        rows,
+        whole.radius[:n].astype(float),
+        owner,
+        whole.id[:n].copy(),
+        code,
+    )
+
+
+def are_heard(scenario: Scenario, bodies: Sequence[GroupState]) -> bool:
+    """Whether emitters hear of impacts of bodies, or of particles on them."""
+    names = [state.name for state in bodies]
+    others = [group.name for group in scenario.groups if group.name not in names]
+    return any(HEARD in state.parts for state in bodies) or bool(
+        (codes_of_groups(scenario, others, names) < -1).any()
+    )
+
+
+def _heard_on_colliders(scenario: Scenario, names: Sequence[str]) -> Ints:
+    """Under which number emitters hear of impacts of groups on colliders, −1 where none does [colliders, groups]."""
+    found = [
+        [k if held_back(each, (name,)) and heard(scenario, name, each) else -1 for name in names]
+        for k, each in enumerate(scenario.all_colliders)
+    ]
+    return np.array(found, np.int64).reshape(-1, len(names))
 
 
 def _work(books: Books, springs: Sequence[Laid], groups: Sequence[BodyGroup]) -> Work:

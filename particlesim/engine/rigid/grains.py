@@ -50,8 +50,6 @@ LEFT = 0.01
 """The part of the overlap that bodies are left which guests are."""
 LIES, CARRIED, BESIDE = 1, 2, 3
 """What `rests` is of a particle that lies on something, is carried by that in this step, and touches a body."""
-EDGE = 2
-"""What `stands` is of a particle at the edge of those that are looked at."""
 GRAINS = 1 << 48
 """First number for the features of guests, which are their ids."""
 
@@ -70,8 +68,7 @@ class Guests(NamedTuple):
     [3, n] (`pull`), once that has been `asked` for [1]: not before one of them touches something, 1, or hits it, 2. About
     where the impulse of an impact will shift them [3, n] (`probe`), and how much faster that makes what acts on them pull
     them back, for every metre [1/s²] [n] (`bend`). What they lie on (`support`): which of them touch a body, or others that
-    do, at the beginning of the step (`stands` [n]), 2 of those at the edge of what is looked at, which stay as they are but
-    for the impulses that they pass on (`passed` [3, n]); whether they take part in the step as such (`rests` [n]); how
+    do, at the beginning of the step (`stands` [n]), and take part in the step as such (`rests` [n]); how
     fast bodies that touch them come to them (`press` [n]); where they began it
     (`began` [3, n]), and `cells` to find them in.
     """
@@ -104,7 +101,6 @@ class Guests(NamedTuple):
     bend: Any
     support: Any
     stands: Any
-    passed: Any
     rests: Any
     press: Any
     began: Any
@@ -217,7 +213,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
         at, radius, kind = place(b, guest), guests.radius[m], guests.kind[m]
         best[0, 0], guests.alone[m] = np.inf, 0
         for axis in range(3):
-            guests.shift[axis, m] = guests.probe[axis, m] = guests.passed[axis, m] = 0.0
+            guests.shift[axis, m] = guests.probe[axis, m] = 0.0
         for i in range(guests.first):
             group = b.group[i]
             if guests.touch[kind, group] > 0:
@@ -395,17 +391,6 @@ def asks(guests: Any, k: Any) -> bool:
     return hits
 
 
-def pass_on(guests: Any, k: Any, c: Any) -> None:
-    """Note what a contact gives to guests at the edge."""
-    for side in range(2):
-        m = (k.first[c] if side == 0 else k.second[c]) - guests.first
-        if m >= 0 and guests.stands[m] == EDGE and k.turns[c] == 0:
-            for axis in range(3):
-                for d in range(3):
-                    part = k.rows[c, d, axis] * k.impulse[c, d]
-                    guests.passed[axis, m] += part if side == 0 else -part
-
-
 @outlined
 def settle_guests(scene: Any, b: Any, k: Any) -> None:
     """Move bodies that are free to where they would be if impacts of guests had been at their times; note the same for
@@ -413,7 +398,6 @@ def settle_guests(scene: Any, b: Any, k: Any) -> None:
     guests = scene.guests
     for c in range(k.number[0]):
         guest, m = k.second[c], k.second[c] - guests.first
-        pass_on(guests, k, c)
         if m >= 0 and guests.when[m] != 0:
             for axis in range(3):
                 total = 0.0

@@ -26,11 +26,12 @@ from particlesim.model.arrays import Floats, Ints
 
 
 class Hearing(NamedTuple):
-    """Numbers of colliders whose impacts emitters hear, by collider and group of bodies, −1 for others [colliders, groups];
-    the rows of `state.table.HIT` of all bodies, and of the particles among them [13, n]; their radii in the state, groups
+    """Numbers of colliders whose impacts emitters hear, by collider and group of bodies, −1 for others [colliders, groups],
+    and by collider of the scenario and kind of particles (`grains` [colliders, kinds]); the rows of `state.table.HIT` of all bodies, and of the particles among them [13, n]; their radii in the state, groups
     and ids [n]; what is heard of two groups as `reach.codes_of_groups` has it [groups, groups]."""
 
     numbers: Any
+    grains: Any
     rows: Any
     radius: Any
     owner: Any
@@ -38,12 +39,14 @@ class Hearing(NamedTuple):
     code: Any
 
 
-def with_particles(hearing: Hearing, code: Ints, visitors: Visitors) -> Hearing:
-    """What is heard of bodies and of particles among them, whose groups follow those of bodies; `code` is that of all."""
+def with_particles(hearing: Hearing, code: Ints, grains: Ints, visitors: Visitors) -> Hearing:
+    """What is heard of bodies and of particles among them, whose groups follow those of bodies; `code` is that of all, and
+    `grains` that of particles on colliders."""
     bodies = hearing.numbers.shape[1]
     n = hearing.radius.size + visitors.radius.size
     return Hearing(
         hearing.numbers,
+        grains,
         np.zeros((len(HIT), n)),
         np.concatenate([hearing.radius, visitors.radius]),
         np.concatenate([hearing.owner, bodies + visitors.kind]),
@@ -72,8 +75,7 @@ def note_impacts(hearing: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> N
     """Note the impacts among all contacts, whose impulses have been given at a time in the middle of a step of h; velocities
     before them are in `motion.start`."""
     for c in range(k.number[0]):
-        own = k.names[0, c] != GUEST  # of particles on anything else their own step tells
-        if own and k.struck[c] > 0 and (k.second[c] == WORLD or k.struck[c] > kicked(b, k, motion, c, h)):
+        if k.struck[c] > 0 and (k.second[c] == WORLD or k.struck[c] > kicked(b, k, motion, c, h)):
             when = t - 0.5 * h + k.late[0, c] if k.late[0, c] > 0 else t
             note(hearing, b, k, motion.start, c, k.struck[c], when)
 
@@ -105,7 +107,10 @@ def note(hearing: Any, b: Any, k: Any, velocity: Any, c: Any, speed: Any, t: Any
     """Write an impact of both sides of contact c down."""
     i, j = k.first[c], k.second[c]
     if j == WORLD:
-        number = hearing.numbers[k.feature[c] // FEATURES - 1, b.group[i]]
+        if k.names[0, c] == GUEST:
+            number = hearing.grains[GUEST - 1 - k.names[1, c], hearing.owner[i] - hearing.numbers.shape[1]]
+        else:
+            number = hearing.numbers[k.feature[c] // FEATURES - 1, b.group[i]]
         if number >= 0:
             write(hearing, b, k, velocity, c, i, 1.0, number, -1, speed, t)
     else:

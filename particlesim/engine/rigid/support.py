@@ -24,7 +24,7 @@ from particlesim.engine.rigid.bodies import (
     set_fall,
     set_surface,
 )
-from particlesim.engine.rigid.grains import EDGE, GRAINS, LIES
+from particlesim.engine.rigid.grains import GRAINS, LIES
 from particlesim.engine.rigid.narrow import minus, plus
 from particlesim.engine.rigid.probing import away, probe
 from particlesim.engine.rigid.rolling import ROLLING
@@ -42,11 +42,13 @@ AROUND = 27
 
 class Support(NamedTuple):
     """Colliders, with the kinds of particles that each holds back (`walls`); contact of particles with each other
-    [kinds, kinds] (`pairs`), and their rolling friction on colliders [kinds]."""
+    [kinds, kinds] (`pairs`), and their rolling friction on colliders [kinds]; under which number emitters hear of impacts on
+    colliders, −1 where none does [colliders, kinds] (not for kernels)."""
 
     walls: tuple[Wall, ...]
     pairs: Touching
     rolling: Any
+    heard: Any
 
 
 class Cells(NamedTuple):
@@ -104,7 +106,7 @@ def gather(
 ) -> int:
     """All particles that touch those which are `found` (1) already [n], what touches these, and so on, into found and, in
     turn, into the queue [n], until there are so many, or a few more; `touch` [kinds, kinds]. Those that `may` not be moved
-    (2) pass nothing on [n]. What is at the edge then is marked as such. Returns how many there are."""
+    (2) pass nothing on [n]. Returns how many there are."""
     sort_in(cells, x, may)
     count, at = 0, 0
     for i in range(found.size):
@@ -125,8 +127,6 @@ def gather(
                         queue[count] = o
                         count += 1
                 o = cells.next[o]
-    for q in range(at, count):
-        found[queue[q]] = EDGE
     return count
 
 
@@ -169,9 +169,7 @@ def on_wall(wall: Any, guests: Any, b: Any, k: Any, m: Any, t: Any, h: Any) -> N
     distance = gap(wall.shape, p)
     if distance < TOUCH * radius + h * guests.press[m]:
         n = away(wall.shape, p)
-        number = add_contact(
-            k, i, WORLD, GRAINS + guests.id[m], plus(place(b, i), -radius, n), n, distance
-        )
+        number = add_contact(k, i, WORLD, GRAINS + guests.id[m], plus(place(b, i), -radius, n), n, distance)
         if number < 0:
             return
         set_wall(wall, k, number, t)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from particlesim.engine.rigid.bodies import Bodies
-from particlesim.engine.rigid.grains import EDGE, Guests
+from particlesim.engine.rigid.grains import Guests
 from particlesim.engine.rigid.support import Support, new_cells
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
@@ -51,8 +51,8 @@ class Visitors(NamedTuple):
 
 class Left(NamedTuple):
     """Visitors after a step: new velocities and angular velocities, by how much they are to be moved [3, n], whether
-    anything has touched them, and whether impacts on bodies are left to them [n], by how much forces change their
-    velocities [m/s], no numbers where none lies on a body, and impulses that those at the edge pass on [N s] [3, n]."""
+    anything has touched them, and whether impacts on bodies are left to them [n], and by how much forces change their
+    velocities [m/s], no numbers where none lies on a body [3, n]."""
 
     v: Floats
     turning: Floats
@@ -60,7 +60,6 @@ class Left(NamedTuple):
     moved: Ints
     alone: Ints
     forces: Floats
-    passed: Floats
 
 
 def among(
@@ -75,15 +74,13 @@ def among(
     """Some rows of groups as visitors, with what contact of each group does, as `Touching`
     [fields, kinds, groups of bodies], and `load`, which
     is `gain` and `beyond` [6, n]."""
-    parts, first = [], 0
+    parts = []
     for kind, (state, rows) in enumerate(chosen):
         radius, weight = state.radius[rows].astype(float), 1 / state.mass[rows].astype(float)
         inertia, spin = np.full(len(rows), np.inf), np.zeros((3, len(rows)))
         if SPIN in state.parts:
             inertia = 0.4 / weight * radius**2
             spin = state.angular_velocity[:, rows].astype(float) * inertia
-        weight[stands[first : first + len(rows)] == EDGE] = 0.0
-        first += len(rows)
         if state.clocked:  # what is held, or is at its end, does not move
             still = ~np.isfinite(state.start[rows])
             weight[still], inertia[still] = 0.0, np.inf
@@ -120,7 +117,7 @@ def guests_of(visitors: Visitors, support: Support, bodies: int, h: float) -> Gu
             *(np.zeros(bodies, np.int64), np.zeros(n, np.int64)),
             visitors.held,
             *known,
-            *(support, visitors.stands.copy(), np.zeros((3, n)), np.zeros(n, np.int64), np.zeros(n), np.zeros((3, n))),
+            *(support, visitors.stands.copy(), np.zeros(n, np.int64), np.zeros(n), np.zeros((3, n))),
             new_cells(visitors.radius),
         ]
     )
@@ -205,5 +202,4 @@ def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
     shift[:, :held] = (x - visitors.x - h * (v + 0.5 * gain))[:, :held]
     forces = h * guests.pull if lies(guests) else np.full_like(shift, np.nan)
     alone = (guests.alone > 0) & (guests.when == 0)
-    moved |= (guests.passed != 0).any(axis=0)
-    return Left(v, spin / visitors.inertia, shift, moved, alone, forces, guests.passed)
+    return Left(v, spin / visitors.inertia, shift, moved, alone, forces)
