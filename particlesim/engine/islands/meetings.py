@@ -92,7 +92,7 @@ class Meetings:
             touch = self._surfaces[state.name].touch
             if touch.any():
                 near_bodies(bodies, touch, x, v, radius, self._bodies.slop, self._dt, near)
-            tied = self._tied.get(state.name, [])
+            tied = self._tied.get(state.name, np.empty(0, np.int64))
             near[tied] = np.maximum(near[tied], 1)
             near[self._held.get(state.name, [])] = 0
             found.append(near)

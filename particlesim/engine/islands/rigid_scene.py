@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Sequence
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import HEARD, HIT
 from particlesim.graph.graph import Island
 from particlesim.interactions.contact import Contact
+from particlesim.model.arrays import Ints
 from particlesim.model.attributes import FURTHER
 from particlesim.scenario.reach import (
     codes_of_groups,
@@ -39,7 +40,6 @@ from particlesim.scenario.reach import (
     pair_sets,
     touches_by_surfaces,
 )
-from particlesim.model.arrays import Ints
 from particlesim.scenario.scenario import Scenario
 
 SLOP = 1e-4
@@ -60,7 +60,7 @@ def colliders_of(structure: Island) -> list[Collider]:
     return list({id(each): each for colliders in structure.colliders for each in colliders}.values())
 
 
-def wall_of(collider: Collider, on: NDArray[np.int64], number: int) -> Wall:
+def _wall(collider: Collider, on: NDArray[np.int64], number: int) -> Wall:
     """A collider for kernels, with the groups that it holds back."""
     belt = collider.surface_velocity or (0.0, 0.0, 0.0)
     law = (collider.liveliness, *collider.coefficients)
@@ -86,7 +86,7 @@ def scene_of(
     walls: list[Wall] = []
     for collider in colliders_of(structure):
         on = np.array([any(each is collider for each in met) for met in structure.colliders], np.int64)
-        walls.append(wall_of(collider, on, len(walls)))
+        walls.append(_wall(collider, on, len(walls)))
     spread = np.array([[j / group.shape.volume() for j in group.shape.spread()] for group in groups])
     n = whole.count
     ends = max((max(each.first, each.second) + 1 for each in made), default=0)
@@ -118,34 +118,26 @@ def scene_of(
 
 def support_of(scenario: Scenario, kinds: Sequence[str]) -> Support:
     """What particles of these groups lie on besides bodies. What yields acts on them as a force."""
-    sets = [each for each in pair_sets(scenario) if isinstance(each.law, Contact)]
-    soft = {name for each in sets if each.law.soft for name in each.groups}
-    n = len(kinds)
-    pairs, rolling = no_contact(n, n), np.zeros(n)
-    for each in sets:
-        mine = [group for group in scenario.groups if group.name in each.groups]
-        if not each.law.by_impulses or touches_by_surfaces(each.law, mine):
-            continue
-        law, falls = each.law, each.law.falling or STEADY
-        values = (1.0, law.liveliness, *law.coefficients, *falls, law.rolls, 0.0)
-        for a, c in each_pair(law, each.groups, kinds):
-            for column, value in zip(pairs, values, strict=True):
-                column[a, c] = value
-            rolling[a] = max(rolling[a], law.rolls)
+    touching = [(each.groups, each.law) for each in pair_sets(scenario) if isinstance(each.law, Contact)]
+    soft = {name for groups, law in touching if law.soft for name in groups}
+    pairs, rolling = no_contact(len(kinds), len(kinds)), np.zeros(len(kinds))
+    for groups, law in touching:
+        mine = [group for group in scenario.groups if group.name in groups]
+        if law.by_impulses and not touches_by_surfaces(law, mine):
+            falls = law.falling or STEADY
+            values = (1.0, law.liveliness, *law.coefficients, *falls, law.rolls, 0.0)
+            for a, b in product(range(len(kinds)), repeat=2):
+                across = law.between is None or kinds[a] != kinds[b]
+                if kinds[a] in groups and kinds[b] in groups and across:
+                    rolling[a] = max(rolling[a], law.rolls)
+                    for column, value in zip(pairs, values, strict=True):
+                        column[a, b] = value
     walls = []
     for number, collider in enumerate(scenario.all_colliders):
         if collider.contact in ("bounce", "slide") and not collider.soft:
             on = np.array([held_back(collider, (name,)) and name not in soft for name in kinds], np.int64)
-            walls.append(wall_of(collider, on, number))
+            walls.append(_wall(collider, on, number))
     return Support(tuple(walls), pairs, rolling, _heard_on_colliders(scenario, kinds))
-
-
-def each_pair(law: Contact, groups: Sequence[str], kinds: Sequence[str]) -> Iterator[tuple[int, int]]:
-    """The kinds of particles of which a contact takes pairs, both ways."""
-    for a, name in enumerate(kinds):
-        for c, other in enumerate(kinds):
-            if name in groups and other in groups and (law.between is None or name != other):
-                yield a, c
 
 
 def _hearing(
@@ -154,13 +146,16 @@ def _hearing(
     """Which impacts of bodies, and of particles on them, emitters hear; None where they hear none."""
     names = [group.name for group in structure.groups]
     all_names = [group.name for group in scenario.groups]
-    if HEARD not in whole.parts and (codes_of_groups(scenario, all_names, all_names) == -1).all():
-        if (_heard_on_colliders(scenario, all_names) == -1).all():
-            return None
+    on_colliders, codes = (
+        _heard_on_colliders(scenario, all_names),
+        codes_of_groups(scenario, all_names, all_names),
+    )
+    if HEARD not in whole.parts and (on_colliders == -1).all() and (codes == -1).all():
+        return None
     numbers = np.full((len(colliders_of(structure)), len(structure.groups)), -1)
     for k, collider in enumerate(colliders_of(structure)):
-        for g, (met, heard) in enumerate(zip(structure.colliders, structure.heard, strict=True)):
-            for each, number in zip(met, heard, strict=True):
+        for g, (met, told) in enumerate(zip(structure.colliders, structure.heard, strict=True)):
+            for each, number in zip(met, told, strict=True):
                 if each is collider and number is not None:
                     numbers[k, g] = number
     n = whole.count

@@ -27,7 +27,8 @@ from particlesim.model.arrays import Floats, Ints
 
 class Hearing(NamedTuple):
     """Numbers of colliders whose impacts emitters hear, by collider and group of bodies, −1 for others [colliders, groups],
-    and by collider of the scenario and kind of particles (`grains` [colliders, kinds]); the rows of `state.table.HIT` of all bodies, and of the particles among them [13, n]; their radii in the state, groups
+    and by collider of the scenario and kind of particles (`grains` [colliders, kinds]); the rows of `state.table.HIT` of all
+    bodies, and of the particles among them [13, n]; their radii in the state, groups
     and ids [n]; what is heard of two groups as `reach.codes_of_groups` has it [groups, groups]."""
 
     numbers: Any
