@@ -69,7 +69,8 @@ class Guests(NamedTuple):
     where the impulse of an impact will shift them [3, n] (`probe`), and how much faster that makes what acts on them pull
     them back, for every metre [1/s²] [n] (`bend`). What they lie on (`support`): which of them touch a body, or others that
     do, at the beginning of the step (`stands` [n]), and take part in the step as such (`rests` [n]); how
-    fast bodies that touch them come to them (`press` [n]); where they began it
+    fast bodies that touch them come to them (`press` [n]); what of the kick of the step colliders take
+    back in their own step [m/s] (`borne` [3, n]); where they began it
     (`began` [3, n]), and `cells` to find them in.
     """
 
@@ -103,6 +104,7 @@ class Guests(NamedTuple):
     stands: Any
     rests: Any
     press: Any
+    borne: Any
     began: Any
     cells: Any
 
@@ -214,6 +216,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
         best[0, 0], guests.alone[m] = np.inf, 0
         for axis in range(3):
             guests.shift[axis, m] = guests.probe[axis, m] = 0.0
+            guests.began[axis, m] = b.x[axis, guest] - 0.5 * h * motion.now[guest, axis]
         for i in range(guests.first):
             group = b.group[i]
             if guests.touch[kind, group] > 0:
@@ -406,3 +409,9 @@ def settle_guests(scene: Any, b: Any, k: Any) -> None:
                 if guests.free[k.first[c]] > 0:
                     b.x[axis, k.first[c]] -= guests.when[m] * b.w[k.first[c]] * total
                 guests.shift[axis, m] += guests.when[m] * b.w[guest] * total
+        m = k.first[c] - guests.first
+        if m >= 0 and guests.when[m] != 0:
+            for axis in range(3):
+                for d in range(3):
+                    part = k.rows[c, d, axis] * k.impulse[c, d]
+                    guests.shift[axis, m] -= guests.when[m] * b.w[k.first[c]] * part

@@ -31,6 +31,7 @@ from particlesim.engine.rigid.rotation import (
 from particlesim.engine.rigid.solver import lay_out, solve, solve_again, velocities
 from particlesim.engine.rigid.springs import snap
 from particlesim.engine.rigid.stops import motor_work
+from particlesim.engine.rigid.support import note_weights
 from particlesim.engine.rigid.swift import hasten
 from particlesim.engine.rigid.swinging import watch_swings
 from particlesim.engine.rigid.work import (
@@ -273,6 +274,7 @@ def step_bodies(
             held = part_overlaps(scene, b, k, motion, dt)
             if scene.guests is not None:
                 settle_guests(scene, b, k)
+                note_weights(scene.guests, b, k, dt)
             if scene.work is not None:
                 velocities(b, motion)
                 scene.work.totals[scene.work.contact] += energy_of(scene, b, motion, middle) - before

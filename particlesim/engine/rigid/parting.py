@@ -13,9 +13,14 @@ from particlesim.engine.rigid.bodies import GUEST, WORLD
 from particlesim.engine.rigid.braced import level_there
 from particlesim.engine.rigid.grains import CARRIED
 from particlesim.engine.rigid.solver import level_all
+from particlesim.engine.rigid.timing import kick_along
 
-PUSHES = 12
-"""Sweeps that push apart."""
+FAST = 2.0
+"""Speed of approach in units of what forces bring about in a step from which on a contact closes fast."""
+PUSHES, MOST_PUSHES = 12, 400
+"""Sweeps that push apart; where all of an overlap is to be taken away, at most."""
+APART = 1e-3
+"""Change of a speed that ends them then, as a part of it."""
 PART = 0.2
 """Part of an overlap that is taken away in a step."""
 
@@ -23,42 +28,71 @@ PART = 0.2
 @shared
 def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any, h: Any) -> bool:
     """Velocities, into `apart`, that take away a part of what overlaps; whether there are any. What lies on something does
-    not give way to what lies on it."""
-    deep = False
-    for c in range(k.number[0]):
-        deep = deep or (k.gap[c] < -slop and k.names[0, c] != GUEST)
-    if not deep:
-        return False
+    not give way to what lies on it. Particles among bodies move apart from each other, and from colliders, in their own
+    step."""
+    count, turns = 0, PUSHES
     if guests is not None:
         note_carried(guests, k)
+    for c in range(k.number[0]):
+        if k.names[0, c] != GUEST:
+            m = -1 if guests is None else k.second[c] - guests.first
+            stays = m >= 0 and guests.rests[m] == CARRIED and presses(k, c)
+            back = way_back(b, k, motion, c, h) if stays else 0.0
+            over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
+            if over > 0 or back > 0:
+                k.order[count] = -1 - c if stays else c
+                k.before[c, 0] = max(PART * over, over + back if back > 0 else 0.0) / h
+                turns = MOST_PUSHES if back > 0 else turns
+                count += 1
+    if count == 0:
+        return False
     for i in range(b.w.size):
         for axis in range(6):
             motion.apart[i, axis] = 0.0
-    for turn in range(PUSHES):
-        for place_in in range(k.number[0]):
-            c = k.number[0] - 1 - place_in if turn % 2 == 1 else place_in
-            if k.gap[c] < -slop and k.names[0, c] != GUEST:
-                m = -1 if guests is None else k.second[c] - guests.first
-                stays = m >= 0 and guests.rests[m] == CARRIED and not k.target[c] > 0
-                nudge(b, k, motion, c, PART * (-k.gap[c] - slop) / h, stays)
-                if joints is not None and k.braced[c] > 0:
-                    level_there(b, k, joints, motion.apart, motion.other, c)
+    turn, going = 0, True
+    while turn < turns and going:
+        going = turn < PUSHES
+        for place_in in range(count):
+            at = k.order[count - 1 - place_in if turn % 2 == 1 else place_in]
+            c = at if at >= 0 else -1 - at
+            changed = nudge(b, k, motion, c, k.before[c, 0], at < 0)
+            going = going or changed > APART * k.before[c, 0]
+            if joints is not None and k.braced[c] > 0:
+                level_there(b, k, joints, motion.apart, motion.other, c)
         for cluster in range(motion.clusters[0]):
             level_all(b, motion, motion.apart, motion.other, joints, cluster)
+        turn += 1
     return True
+
+
+def way_back(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:
+    """How far a body has gone on in the half of a step that is over, if it came fast to a particle which is carried; 0 of
+    others. What its impulse takes of the energy is more than lifting it costs."""
+    e, m, o = k.rows[c, 0], motion.start[k.first[c]], motion.start[k.second[c]]
+    u = 0.0
+    for axis in range(3):
+        u += e[axis] * (m[axis] - o[axis]) + e[3 + axis] * m[3 + axis] - e[6 + axis] * o[3 + axis]
+    fast = u < -FAST * abs(kick_along(b, k, motion, c, False, h))
+    return -0.5 * h * u if fast else 0.0
+
+
+def presses(k: Any, c: Any) -> bool:
+    """Whether a contact presses in this step, without rebound."""
+    return bool(k.turns[c] == 0 and k.impulse[c, 0] > 0 and not k.target[c] > 0)
 
 
 def note_carried(guests: Any, k: Any) -> None:
     """Note which particles others, or colliders, carry in this step."""
     for c in range(k.number[0]):
-        if k.names[0, c] == GUEST and k.turns[c] == 0 and k.impulse[c, 0] > 0:
+        if k.names[0, c] == GUEST and presses(k, c):
             for i in (k.first[c], k.second[c]):
                 if i >= 0:
                     guests.rests[i - guests.first] = CARRIED
 
 
-def nudge(b: Any, k: Any, motion: Any, c: Any, speed: Any, stays: Any) -> None:
-    """Bring the bodies of a contact to separate at a speed; a second one that stays, where it is, is a particle."""
+def nudge(b: Any, k: Any, motion: Any, c: Any, speed: Any, stays: Any) -> Any:
+    """Bring the bodies of a contact to separate at a speed; a second one that stays, where it is, is a particle. Returns by
+    how much that changes the speed."""
     e, i, j = k.rows[c, 0], k.first[c], k.second[c]
     m = motion.apart[i]
     u = e[0] * m[0] + e[1] * m[1] + e[2] * m[2] + e[3] * m[3] + e[4] * m[4] + e[5] * m[5]
@@ -78,3 +112,4 @@ def nudge(b: Any, k: Any, motion: Any, c: Any, speed: Any, stays: Any) -> None:
         for axis in range(3):
             o[axis] -= size * b.w[j] * e[axis]
             o[3 + axis] -= size * e[12 + axis]
+    return abs(size) / mass

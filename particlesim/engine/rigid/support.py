@@ -142,14 +142,12 @@ def find_support(guests: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> No
             count += 1
             guests.awaits[m] = 1
         for axis in range(3):
-            guests.began[axis, m] = b.x[axis, i] - 0.5 * h * motion.now[i, axis]
             if guests.awaits[m] == 0:
                 guests.other[axis, m] = 0.0
-    if count == 0:
-        return
     for wall in s.walls:
         for m in range(guests.radius.size):
-            if guests.rests[m] > 0 and wall.on[guests.kind[m]] > 0 and b.w[guests.first + m] > 0:
+            takes = guests.rests[m] > 0 or guests.when[m] != 0
+            if takes and wall.on[guests.kind[m]] > 0 and b.w[guests.first + m] > 0:
                 on_wall(wall, guests, b, k, m, t, h)
     sort_in(guests.cells, guests.began, guests.rests)
     for m in range(guests.radius.size):
@@ -199,6 +197,23 @@ def on_each_other(guests: Any, b: Any, k: Any, m: Any, o: Any, h: Any) -> None:
             name_contact(k, number, GUEST, guests.id[o])
             if s.rolling[a, c] > 0:
                 roll_on(b, k, number, s.rolling[a, c], one * two / (one + two), (0.0, 0.0, 0.0))
+
+
+@outlined
+def note_weights(guests: Any, b: Any, k: Any, h: Any) -> None:
+    """Note what of the kick of a step of h presses guests onto colliders that carry them, which will take it back in their
+    own step: there it would first take them into the collider."""
+    for m in range(guests.radius.size):
+        for axis in range(3):
+            guests.borne[axis, m] = 0.0
+    for c in range(k.number[0]):
+        m = k.first[c] - guests.first
+        if m >= 0 and k.second[c] == WORLD and k.turns[c] == 0 and k.impulse[c, 0] > 0 and not k.target[c] > 0:
+            n, w, along = row(k.normal, c), b.w[k.first[c]], 0.0
+            for axis in range(3):
+                along += n[axis] * (h * w * guests.other[axis, m] - guests.borne[axis, m])
+            for axis in range(3):
+                guests.borne[axis, m] += min(along, 0.0) * n[axis]
 
 
 def roll_on(b: Any, k: Any, c: Any, friction: Any, size: Any, spin: Any) -> None:

@@ -117,7 +117,7 @@ def guests_of(visitors: Visitors, support: Support, bodies: int, h: float) -> Gu
             *(np.zeros(bodies, np.int64), np.zeros(n, np.int64)),
             visitors.held,
             *known,
-            *(support, visitors.stands.copy(), np.zeros(n, np.int64), np.zeros(n), np.zeros((3, n))),
+            *(support, visitors.stands.copy(), np.zeros(n, np.int64), np.zeros(n), np.zeros((3, n)), np.zeros((3, n))),
             new_cells(visitors.radius),
         ]
     )
@@ -182,7 +182,7 @@ def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
     """The visitors after a step of length h."""
     part, held = slice(guests.first, None), visitors.held
     x, end, spin = whole.x[:, part], whole.v[:, part], whole.spin[:, part]
-    gain = np.where(guests.awaits > 0, visitors.gain, 0.0)
+    gain = np.where(guests.awaits > 0, visitors.gain, 0.0) - guests.borne
     v = end - gain
     change = v - visitors.v
     rounding = 4 * EPS * (np.abs(end) + np.abs(gain))

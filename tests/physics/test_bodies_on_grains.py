@@ -1,0 +1,210 @@
+"""Rigid bodies on hard grains on colliders: all of these take part in what a body rests on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from physics.test_contacts import bits
+from simulate import G, energies, simulate, table, way
+
+import particlesim as ps
+from particlesim.engine.islands import meetings
+from particlesim.engine.simulation import Simulation
+from particlesim.engine.snapshot import restore, snapshot
+
+H, R = 1e-3, 0.01
+HALF = 0.05
+"""Half of the height of the box."""
+
+
+def sand(*position: tuple[float, float, float], **other: Any) -> dict[str, Any]:
+    layout = {"type": "points", "position": [list(x) for x in position]}
+    return {"name": "sand", "radius": R, "density": 2600.0, "layout": layout, **other}
+
+
+def nine(y: float = R) -> list[tuple[float, float, float]]:
+    return [(x, y, z) for x in (-0.06, 0.0, 0.06) for z in (-0.06, 0.0, 0.06)]
+
+
+def box(y: float, **other: Any) -> dict[str, Any]:
+    shape = {"type": "box", "size": [0.2, 2 * HALF, 0.2]}
+    return {"name": "box", "shape": shape, "density": 500.0, "position": [0, y, 0], **other}
+
+
+def scene(e: float = 0.0, friction: float = 0.5, **other: Any) -> dict[str, Any]:
+    law = {"restitution": e, "friction": friction}
+    return {
+        "particles": [sand(*nine())],
+        "bodies": [box(2 * R + HALF, **law)],
+        "planes": [law],
+        "interactions": [{"type": "contact", "on": ["sand", "box"], "model": "impulse", **law}],
+        "forces": [{"type": "gravity"}],
+        **other,
+    }
+
+
+@pytest.mark.parametrize("h", [2.5e-4, H, 5e-3])
+@pytest.mark.parametrize("density", [50.0, 500.0, 20e3])
+@pytest.mark.parametrize("e", [0.0, 0.6])
+def test_a_box_on_grains_on_a_floor_rests(e: float, density: float, h: float) -> None:
+    # The heaviest has 8 000 times the mass of a grain. Along the floor it is free to roll, with what sweeps leave of g h.
+    given = scene(e, bodies=[box(2 * R + HALF, density=density, restitution=e)])
+    places, speeds = way(1000, 1000 * h, h, "velocity_verlet", **given)
+    assert np.abs(places[-1] - places[0])[:, 1].max() < 1e-9
+    assert np.abs(places[-1] - places[0]).max() < 1000 * h * 1e-6 * G * h
+    assert np.abs(speeds[-1]).max() < 1e-6 * G * h
+
+
+@pytest.mark.parametrize("name", ["symplectic_euler", "stormer_verlet", "rk4"])
+def test_it_rests_with_any_method(name: str) -> None:
+    places, speeds = way(1000, 1.0, H, name, **scene())
+    assert np.abs(places[-1] - places[0]).max() < 1e-8
+    assert np.abs(speeds[-1]).max() < 1e-8
+
+
+def test_grains_that_do_not_touch_each_other_carry_a_box() -> None:
+    between = {"type": "contact", "between": ["sand", "box"], "model": "impulse"}
+    places, _ = way(1000, 1.0, H, "velocity_verlet", **scene(interactions=[between]))
+    assert np.abs(places[-1] - places[0]).max() < 1e-9
+
+
+@pytest.mark.parametrize("layers", [2, 6])
+def test_a_lid_on_columns_of_grains_in_tubes_rests(layers: int) -> None:
+    # Each column just fits between walls.
+    tubes = [
+        {"name": f"tube_{k}", "type": "box", "size": [2 * R, 1.0, 2 * R], "center": [x, 0.5, z], "inside": True, "on": [f"s{k}"]}
+        for k, (x, _, z) in enumerate(nine())
+    ]
+    groups = [
+        sand(*[(x, (2 * n + 1) * R, z) for n in range(layers)], name=f"s{k}") for k, (x, _, z) in enumerate(nine())
+    ]
+    law = {"type": "contact", "model": "impulse", "on": ["box", *(f"s{k}" for k in range(9))]}
+    given = scene(
+        particles=groups, colliders=tubes, interactions=[law], bodies=[box(2 * R * layers + HALF, density=5e3)]
+    )
+    places, _ = way(1000, 1.0, H, "velocity_verlet", **given)
+    assert np.abs(places[-1] - places[0]).max() < 1e-7
+
+
+def test_a_box_rolls_down_a_slope_on_balls() -> None:
+    # Balls between slope and box roll on both, so their centres go half as fast, V/2, and turn with V/(2r):
+    # V' = g sin θ (M + n m/2)/(M + n m (1 + 2/5)/4).
+    tilt, n = 0.1, 9
+    pull = {"type": "gravity", "acceleration": [float(G * np.sin(tilt)), float(-G * np.cos(tilt)), 0.0]}
+    given = scene(friction=1.0, forces=[pull])
+    m, mass = 2600.0 * 4 / 3 * np.pi * R**3, 500.0 * 0.2 * 0.2 * 2 * HALF
+    a = G * np.sin(tilt) * (mass + n * m / 2) / (mass + 0.35 * n * m)
+    _, speeds = way(100, 0.1, H, "velocity_verlet", **given)
+    assert speeds[-1, -1, 0] == pytest.approx(0.1 * a, rel=1e-3)
+    assert speeds[-1, :-1, 0] == pytest.approx(np.full(n, 0.05 * a), rel=1e-3)
+
+
+@pytest.mark.parametrize("speed", [0.3, 2.0])
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_what_falls_on_grains_comes_to_rest_on_them_and_gains_nothing(e: float, speed: float) -> None:
+    given = scene(e, bodies=[box(2 * R + HALF + 0.01, density=3e3, velocity=[0, -speed, 0], restitution=e)])
+    found = energies(table(0.8, H, output={"every": 1, "ledger": False}, **given))
+    assert np.diff(found).max() < 1e-5 * found[0]
+    places, speeds = way(800, 0.8, H, "velocity_verlet", **given)
+    assert places[-1, :, 1] == pytest.approx([*9 * [R], 2 * R + HALF], abs=2e-5)
+    assert np.abs(speeds[-1]).max() < 1e-3
+    assert simulate(0.8, H, **given).missed_crossings == 0
+
+
+def test_a_floor_that_moves_takes_grains_and_what_lies_on_them_along() -> None:
+    floor = {"name": "floor", "type": "plane", "point": [0, 0, 0], "normal": [0, 1, 0], "friction": 0.5}
+    lift = {"collider": "floor", "path": ["0", "0.1*t", "0"]}
+    given = scene(planes=[], colliders=[floor], motions=[lift])
+    places, _ = way(500, 0.5, H, "velocity_verlet", **given)
+    assert (places[-1] - places[0])[:, 1] == pytest.approx(np.full(10, 0.05), abs=1e-5)
+
+
+def test_grains_of_several_groups_carry_each_other_and_a_box() -> None:
+    # The box touches the upper ones, which lie in tubes on the lower ones.
+    tubes = [
+        {"name": f"tube_{k}", "type": "box", "size": [2 * R, 1.0, 2 * R], "center": [x, 0.5, z], "inside": True}
+        for k, (x, _, z) in enumerate(nine())
+    ]
+    names = [[f"{part}_{k}" for k in range(9)] for part in ("upper", "lower")]
+    groups = [
+        sand((x, (3 - 2 * row) * R, z), name=names[row][k]) for row in range(2) for k, (x, _, z) in enumerate(nine())
+    ]
+    for k, tube in enumerate(tubes):
+        tube["on"] = [names[0][k], names[1][k]]
+    contacts = [
+        {"type": "contact", "on": ["box", *names[0]], "model": "impulse"},
+        *({"type": "contact", "between": [a, b], "model": "impulse"} for a, b in zip(*names, strict=True)),
+    ]
+    given = scene(particles=groups, colliders=tubes, interactions=contacts, bodies=[box(4 * R + HALF)])
+    places, _ = way(500, 0.5, H, "velocity_verlet", **given)
+    assert np.abs(places[-1] - places[0])[:, 1].max() < 1e-7
+
+
+def heap(n: int = 6, layers: int = 3) -> dict[str, Any]:
+    """Grains in a bin, and a box that falls on them."""
+    side = n * 2.05 * R
+    lattice = {
+        "type": "lattice",
+        "spacing": 2.05 * R,
+        "counts": [n, layers, n],
+        "origin": [1.025 * R - side / 2, 1.001 * R, 1.025 * R - side / 2],
+    }
+    law = {"restitution": 0.2, "friction": 0.5}
+    return {
+        "particles": [{"name": "sand", "radius": R, "density": 2600.0, "layout": {**lattice, "jitter": 2e-4}}],
+        "bodies": [
+            {
+                "name": "box",
+                "shape": {"type": "box", "size": [5 * R, 4 * R, 5 * R]},
+                "density": 4e3,
+                "position": [0.1 * R, 2.1 * layers * R + 2.5 * R, 0],
+                "orientation": {"axis": [0, 0, 1], "angle": 20},
+                **law,
+            }
+        ],
+        "colliders": [
+            {"name": "bin", "type": "box", "size": [side, 1.0, side], "center": [0, 0.5, 0], "inside": True, **law}
+        ],
+        "interactions": [{"type": "contact", "on": ["sand", "box"], "model": "impulse", **law}],
+        "forces": [{"type": "gravity"}],
+    }
+
+
+def deepest(final: Any, n: int) -> float:
+    """How deep spheres are in the box, in radii, whose frame is that of the last row."""
+    x, half = np.array(final["position"]), np.array([2.5 * R, 2 * R, 2.5 * R])
+    w, *v = np.array(final["orientation"])[-1]
+    away = x[:n] - x[n]
+    own = away - 2 * w * np.cross(v, away) + 2 * np.cross(v, np.cross(v, away))
+    beyond = np.abs(own) - half
+    out = np.linalg.norm(np.maximum(beyond, 0), axis=1) + np.minimum(beyond.max(axis=1), 0)
+    return float((1 - out / R).max())
+
+
+def test_no_box_sinks_into_a_heap_of_grains() -> None:
+    result = simulate(0.5, H, **heap())
+    assert result.missed_crossings == 0
+    assert deepest(result.final, 108) < 0.05
+
+
+def test_a_heap_larger_than_what_is_looked_at_carries_a_box(monkeypatch: Any) -> None:
+    monkeypatch.setattr(meetings, "ENOUGH", 40)
+    result = simulate(0.5, H, **heap())
+    assert result.missed_crossings == 0
+    assert deepest(result.final, 108) < 0.2
+
+
+def test_the_same_bits_after_a_stop_and_for_any_number_of_threads(monkeypatch: Any) -> None:
+    monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)
+    scenario = ps.from_table(table(0.2, H, **heap()))
+    one, two = Simulation(scenario, threads=1), Simulation(scenario, threads=2)
+    for step in (120, 200):
+        one.advance_to(step)
+        two.advance_to(step)
+        if step == 120:
+            again = Simulation(scenario)
+            restore(again, snapshot(one))
+            again.advance_to(200)
+    assert bits(one) == bits(two) == bits(again)
