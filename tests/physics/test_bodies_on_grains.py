@@ -70,22 +70,39 @@ def test_grains_that_do_not_touch_each_other_carry_a_box() -> None:
     assert np.abs(places[-1] - places[0]).max() < 1e-9
 
 
+def slit(layers: int, name: Any = lambda row: "sand") -> dict[str, Any]:
+    """Columns of grains that just fit between walls, a group for each name, and a box on them."""
+    rows: dict[str, list[tuple[float, float, float]]] = {}
+    for row in range(layers):
+        rows.setdefault(name(row), []).extend((x, (2 * row + 1) * R, 0.0) for x in (-2 * R, 0.0, 2 * R))
+    walls = [
+        {"point": [-3 * R * x, 0, -R * z], "normal": [x, 0, z], "on": list(rows)}
+        for x, z in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    ]
+    shape = {"type": "box", "size": [6 * R, 2 * HALF, 6 * R]}
+    return {
+        "particles": [sand(*places, name=each) for each, places in rows.items()],
+        "planes": [{}, *walls],
+        "bodies": [box(2 * R * layers + HALF, shape=shape)],
+    }
+
+
 @pytest.mark.parametrize("layers", [2, 6])
-def test_a_lid_on_columns_of_grains_in_tubes_rests(layers: int) -> None:
-    # Each column just fits between walls.
-    tubes = [
-        {"name": f"tube_{k}", "type": "box", "size": [2 * R, 1.0, 2 * R], "center": [x, 0.5, z], "inside": True, "on": [f"s{k}"]}
-        for k, (x, _, z) in enumerate(nine())
-    ]
-    groups = [
-        sand(*[(x, (2 * n + 1) * R, z) for n in range(layers)], name=f"s{k}") for k, (x, _, z) in enumerate(nine())
-    ]
-    law = {"type": "contact", "model": "impulse", "on": ["box", *(f"s{k}" for k in range(9))]}
-    given = scene(
-        particles=groups, colliders=tubes, interactions=[law], bodies=[box(2 * R * layers + HALF, density=5e3)]
-    )
-    places, _ = way(1000, 1.0, H, "velocity_verlet", **given)
+def test_a_box_on_columns_of_grains_rests(layers: int) -> None:
+    places, speeds = way(1000, 1.0, H, "velocity_verlet", **scene(**slit(layers)))
     assert np.abs(places[-1] - places[0]).max() < 1e-7
+    assert np.abs(speeds[-1]).max() < 1e-7
+
+
+def test_grains_of_groups_that_touch_no_body_carry_one() -> None:
+    # The box touches the upper ones alone.
+    given = slit(2, lambda row: ("lower", "upper")[row])
+    contacts = [
+        {"type": "contact", "between": ["box", "upper"], "model": "impulse"},
+        {"type": "contact", "on": ["upper", "lower"], "model": "impulse"},
+    ]
+    places, _ = way(1000, 1.0, H, "velocity_verlet", **scene(interactions=contacts, **given))
+    assert np.abs(places[-1] - places[0]).max() < 1e-8
 
 
 def test_a_box_rolls_down_a_slope_on_balls() -> None:
@@ -106,7 +123,7 @@ def test_a_box_rolls_down_a_slope_on_balls() -> None:
 def test_what_falls_on_grains_comes_to_rest_on_them_and_gains_nothing(e: float, speed: float) -> None:
     given = scene(e, bodies=[box(2 * R + HALF + 0.01, density=3e3, velocity=[0, -speed, 0], restitution=e)])
     found = energies(table(0.8, H, output={"every": 1, "ledger": False}, **given))
-    assert np.diff(found).max() < 1e-5 * found[0]
+    assert np.diff(found).max() < 2e-5 * found[0]
     places, speeds = way(800, 0.8, H, "velocity_verlet", **given)
     assert places[-1, :, 1] == pytest.approx([*9 * [R], 2 * R + HALF], abs=2e-5)
     assert np.abs(speeds[-1]).max() < 1e-3
@@ -114,32 +131,11 @@ def test_what_falls_on_grains_comes_to_rest_on_them_and_gains_nothing(e: float, 
 
 
 def test_a_floor_that_moves_takes_grains_and_what_lies_on_them_along() -> None:
-    floor = {"name": "floor", "type": "plane", "point": [0, 0, 0], "normal": [0, 1, 0], "friction": 0.5}
+    floor = {"name": "floor", "type": "plane", "point": [0, 0, 0], "normal": [0, 1, 0], "restitution": 0.0}
     lift = {"collider": "floor", "path": ["0", "0.1*t", "0"]}
     given = scene(planes=[], colliders=[floor], motions=[lift])
     places, _ = way(500, 0.5, H, "velocity_verlet", **given)
     assert (places[-1] - places[0])[:, 1] == pytest.approx(np.full(10, 0.05), abs=1e-5)
-
-
-def test_grains_of_several_groups_carry_each_other_and_a_box() -> None:
-    # The box touches the upper ones, which lie in tubes on the lower ones.
-    tubes = [
-        {"name": f"tube_{k}", "type": "box", "size": [2 * R, 1.0, 2 * R], "center": [x, 0.5, z], "inside": True}
-        for k, (x, _, z) in enumerate(nine())
-    ]
-    names = [[f"{part}_{k}" for k in range(9)] for part in ("upper", "lower")]
-    groups = [
-        sand((x, (3 - 2 * row) * R, z), name=names[row][k]) for row in range(2) for k, (x, _, z) in enumerate(nine())
-    ]
-    for k, tube in enumerate(tubes):
-        tube["on"] = [names[0][k], names[1][k]]
-    contacts = [
-        {"type": "contact", "on": ["box", *names[0]], "model": "impulse"},
-        *({"type": "contact", "between": [a, b], "model": "impulse"} for a, b in zip(*names, strict=True)),
-    ]
-    given = scene(particles=groups, colliders=tubes, interactions=contacts, bodies=[box(4 * R + HALF)])
-    places, _ = way(500, 0.5, H, "velocity_verlet", **given)
-    assert np.abs(places[-1] - places[0])[:, 1].max() < 1e-7
 
 
 def heap(n: int = 6, layers: int = 3) -> dict[str, Any]:
@@ -153,7 +149,9 @@ def heap(n: int = 6, layers: int = 3) -> dict[str, Any]:
     }
     law = {"restitution": 0.2, "friction": 0.5}
     return {
-        "particles": [{"name": "sand", "radius": R, "density": 2600.0, "layout": {**lattice, "jitter": 2e-4}}],
+        "particles": [
+            {"name": "sand", "radius": R, "density": 2600.0, "layout": {**lattice, "jitter": 2e-4}}
+        ],
         "bodies": [
             {
                 "name": "box",
@@ -165,7 +163,14 @@ def heap(n: int = 6, layers: int = 3) -> dict[str, Any]:
             }
         ],
         "colliders": [
-            {"name": "bin", "type": "box", "size": [side, 1.0, side], "center": [0, 0.5, 0], "inside": True, **law}
+            {
+                "name": "bin",
+                "type": "box",
+                "size": [side, 1.0, side],
+                "center": [0, 0.5, 0],
+                "inside": True,
+                **law,
+            }
         ],
         "interactions": [{"type": "contact", "on": ["sand", "box"], "model": "impulse", **law}],
         "forces": [{"type": "gravity"}],

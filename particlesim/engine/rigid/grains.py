@@ -68,8 +68,8 @@ class Guests(NamedTuple):
     [3, n] (`pull`), once that has been `asked` for [1]: not before one of them touches something, 1, or hits it, 2. About
     where the impulse of an impact will shift them [3, n] (`probe`), and how much faster that makes what acts on them pull
     them back, for every metre [1/s²] [n] (`bend`). What they lie on (`support`): which of them touch a body, or others that
-    do, at the beginning of the step (`stands` [n]), and take part in the step as such (`rests` [n]); how
-    fast bodies that touch them come to them (`press` [n]); what of the kick of the step colliders take
+    do, at the beginning of the step (`stands` [n]), and take part in the step as such (`rests` [n]); which
+    of them touch other than bodies (`linked` [n]); how fast bodies that touch them come to them (`press` [n]); what of the kick of the step colliders take
     back in their own step [m/s] (`borne` [3, n]); where they began it
     (`began` [3, n]), and `cells` to find them in.
     """
@@ -103,6 +103,7 @@ class Guests(NamedTuple):
     support: Any
     stands: Any
     rests: Any
+    linked: Any
     press: Any
     borne: Any
     began: Any

@@ -37,11 +37,13 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
         if k.names[0, c] != GUEST:
             m = -1 if guests is None else k.second[c] - guests.first
             stays = m >= 0 and guests.rests[m] == CARRIED and presses(k, c)
-            back = way_back(b, k, motion, c, h) if stays else 0.0
+            back = way_back(b, k, motion, c, h) if stays and not k.late[0, c] > 0 else 0.0
             over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
-            if over > 0 or back > 0:
+            if over > 0 or over + back > 0:
+                # What came fast has lost more than it costs to lift all of the overlap.
+                fast = back > 0.5 * FAST * h * abs(kick_along(b, k, motion, c, False, h))
                 k.order[count] = -1 - c if stays else c
-                k.before[c, 0] = max(PART * over, over + back if back > 0 else 0.0) / h
+                k.before[c, 0] = ((over if fast or over < 0 else PART * over) + back) / h
                 turns = MOST_PUSHES if back > 0 else turns
                 count += 1
     if count == 0:
@@ -66,14 +68,14 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
 
 
 def way_back(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:
-    """How far a body has gone on in the half of a step that is over, if it came fast to a particle which is carried; 0 of
-    others. What its impulse takes of the energy is more than lifting it costs."""
+    """How far a body has gone on in the half of a step that is over towards a particle which is carried. To lift it as far
+    again costs what that has given."""
     e, m, o = k.rows[c, 0], motion.start[k.first[c]], motion.start[k.second[c]]
     u = 0.0
     for axis in range(3):
         u += e[axis] * (m[axis] - o[axis]) + e[3 + axis] * m[3 + axis] - e[6 + axis] * o[3 + axis]
-    fast = u < -FAST * abs(kick_along(b, k, motion, c, False, h))
-    return -0.5 * h * u if fast else 0.0
+    u += kick_along(b, k, motion, c, True, h) - kick_along(b, k, motion, c, False, h)
+    return 0.5 * h * max(-u, 0.0)
 
 
 def presses(k: Any, c: Any) -> bool:

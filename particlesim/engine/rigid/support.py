@@ -74,11 +74,21 @@ def new_cells(radius: Any) -> Cells:
 
 
 def bucket(cells: Any, i: Any, number: Any) -> int:
-    """Where the particles are of a cube beside that of particle i."""
-    a = cells.cube[0, i] + number % 3 - 1
-    b = cells.cube[1, i] + number // 3 % 3 - 1
-    c = cells.cube[2, i] + number // 9 - 1
+    """Where the particles are of a cube beside that of particle i, and maybe others."""
+    a, b, c = beside(cells, i, number)
     return int((a * 73856093 + b * 19349663 + c * 83492791) & (cells.first.size - 1))
+
+
+def beside(cells: Any, i: Any, number: Any) -> Any:
+    """A cube beside that of particle i."""
+    x, y, z = cells.cube[0, i], cells.cube[1, i], cells.cube[2, i]
+    return x + number % 3 - 1, y + number // 3 % 3 - 1, z + number // 9 - 1
+
+
+def is_in(cells: Any, o: Any, i: Any, number: Any) -> bool:
+    """Whether particle o is in a cube beside that of particle i."""
+    a, b, c = beside(cells, i, number)
+    return bool((cells.cube[0, o] == a) & (cells.cube[1, o] == b) & (cells.cube[2, o] == c))
 
 
 MIDDLE = AROUND // 2
@@ -137,7 +147,7 @@ def find_support(guests: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> No
     s, count = guests.support, 0
     for m in range(guests.radius.size):
         i, lies = guests.first + m, guests.stands[m] > 0 and guests.alone[m] == 0 and guests.when[m] == 0
-        guests.rests[m] = LIES if lies else 0
+        guests.rests[m], guests.linked[m] = LIES if lies else 0, 0
         if lies:
             count += 1
             guests.awaits[m] = 1
@@ -154,7 +164,8 @@ def find_support(guests: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> No
         for number in range(AROUND if guests.rests[m] > 0 else 0):
             o = guests.cells.first[bucket(guests.cells, m, number)]
             while o >= 0:
-                if guests.id[m] < guests.id[o] and s.pairs.touch[guests.kind[m], guests.kind[o]] > 0:
+                touch = s.pairs.touch[guests.kind[m], guests.kind[o]] > 0
+                if touch and guests.id[m] < guests.id[o] and is_in(guests.cells, o, m, number):
                     on_each_other(guests, b, k, m, o, h)
                 o = guests.cells.next[o]
 
@@ -172,6 +183,7 @@ def on_wall(wall: Any, guests: Any, b: Any, k: Any, m: Any, t: Any, h: Any) -> N
             return
         set_wall(wall, k, number, t)
         name_contact(k, number, GUEST, GUEST - 1 - wall.number)
+        guests.linked[m] = 1
         friction = guests.support.rolling[guests.kind[m]]
         if friction > 0:
             roll_on(b, k, number, friction, radius, spin_of(wall.shape))
@@ -195,6 +207,7 @@ def on_each_other(guests: Any, b: Any, k: Any, m: Any, o: Any, h: Any) -> None:
             if k.falls is not None:
                 set_fall(k, number, 0, s.restitution[a, c], s.speed[a, c], s.exponent[a, c])
             name_contact(k, number, GUEST, guests.id[o])
+            guests.linked[m] = guests.linked[o] = 1
             if s.rolling[a, c] > 0:
                 roll_on(b, k, number, s.rolling[a, c], one * two / (one + two), (0.0, 0.0, 0.0))
 
@@ -208,7 +221,13 @@ def note_weights(guests: Any, b: Any, k: Any, h: Any) -> None:
             guests.borne[axis, m] = 0.0
     for c in range(k.number[0]):
         m = k.first[c] - guests.first
-        if m >= 0 and k.second[c] == WORLD and k.turns[c] == 0 and k.impulse[c, 0] > 0 and not k.target[c] > 0:
+        if (
+            m >= 0
+            and k.second[c] == WORLD
+            and k.turns[c] == 0
+            and k.impulse[c, 0] > 0
+            and not k.target[c] > 0
+        ):
             n, w, along = row(k.normal, c), b.w[k.first[c]], 0.0
             for axis in range(3):
                 along += n[axis] * (h * w * guests.other[axis, m] - guests.borne[axis, m])

@@ -117,7 +117,15 @@ def guests_of(visitors: Visitors, support: Support, bodies: int, h: float) -> Gu
             *(np.zeros(bodies, np.int64), np.zeros(n, np.int64)),
             visitors.held,
             *known,
-            *(support, visitors.stands.copy(), np.zeros(n, np.int64), np.zeros(n), np.zeros((3, n)), np.zeros((3, n))),
+            *(
+                support,
+                visitors.stands.copy(),
+                np.zeros(n, np.int64),
+                np.zeros(n, np.int64),
+                np.zeros(n),
+                np.zeros((3, n)),
+                np.zeros((3, n)),
+            ),
             new_cells(visitors.radius),
         ]
     )
@@ -200,6 +208,7 @@ def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
     shift -= part_of * change
     # Rods give impulses at the beginning and at the end of the step, too: only the places at its ends tell.
     shift[:, :held] = (x - visitors.x - h * (v + 0.5 * gain))[:, :held]
-    forces = h * guests.pull if lies(guests) else np.full_like(shift, np.nan)
+    # What others and colliders give is in this step, and none of the forces that are to be expected.
+    forces = np.where((guests.linked > 0) | (not lies(guests)), np.nan, h * guests.pull)
     alone = (guests.alone > 0) & (guests.when == 0)
     return Left(v, spin / visitors.inertia, shift, moved, alone, forces)
