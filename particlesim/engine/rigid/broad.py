@@ -69,7 +69,7 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
     if scene.guests is not None:
         joined = None if scene.joints is None else scene.joined
         find_guests(scene.guests, joined, b, k, motion, scene.slop, h)
-        find_support(scene.guests, b, k, motion, t, h)
+        find_support(scene.guests, b, k, t, h)
 
 
 def begins(b: Any, margin: Any, i: Any) -> Any:

@@ -59,3 +59,8 @@ def direct(b: Any, k: Any, motion: Any, c: Any, d: Any, i: Any, j: Any, at: Any,
 def bounded(k: Any, c: Any, impulse: Any) -> Any:
     """The nearest impulse along its first direction that a contact can give."""
     return clamped(impulse, -k.aim[1, c], k.aim[1, c]) if k.turns[c] == MOTOR else max(impulse, 0.0)
+
+
+def presses(k: Any, c: Any) -> bool:
+    """Whether a contact presses in this step, without rebound."""
+    return bool(k.turns[c] == 0 and k.impulse[c, 0] > 0 and not k.target[c] > 0)

@@ -67,11 +67,7 @@ class Guests(NamedTuple):
     the first ones rods hold. How much what else acts on those that are not tied accelerates them at its beginning [m/s²]
     [3, n] (`pull`), once that has been `asked` for [1]: not before one of them touches something, 1, or hits it, 2. About
     where the impulse of an impact will shift them [3, n] (`probe`), and how much faster that makes what acts on them pull
-    them back, for every metre [1/s²] [n] (`bend`). What they lie on (`support`): which of them touch a body, or others that
-    do, at the beginning of the step (`stands` [n]), and take part in the step as such (`rests` [n]); which
-    of them touch other than bodies (`linked` [n]); how fast bodies that touch them come to them (`press` [n]); what of the kick of the step colliders take
-    back in their own step [m/s] (`borne` [3, n]); where they began it
-    (`began` [3, n]), and `cells` to find them in.
+    them back, for every metre [1/s²] [n] (`bend`). What they lie on besides, and those that do (`support`).
     """
 
     first: int
@@ -101,13 +97,7 @@ class Guests(NamedTuple):
     probe: Any
     bend: Any
     support: Any
-    stands: Any
-    rests: Any
-    linked: Any
-    press: Any
-    borne: Any
-    began: Any
-    cells: Any
+    crowd: Any
 
 
 def away_from(p: Any, s: Any, x: Any, found: Any) -> Any:
@@ -217,7 +207,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
         best[0, 0], guests.alone[m] = np.inf, 0
         for axis in range(3):
             guests.shift[axis, m] = guests.probe[axis, m] = 0.0
-            guests.began[axis, m] = b.x[axis, guest] - 0.5 * h * motion.now[guest, axis]
+            guests.crowd.began[axis, m] = b.x[axis, guest] - 0.5 * h * motion.now[guest, axis]
         for i in range(guests.first):
             group = b.group[i]
             if guests.touch[kind, group] > 0:
@@ -242,7 +232,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                     meet(guests, b, k, begin, kind, group)
                     if best[0, 0] < had:
                         which = i
-        guests.when[m], guests.press[m] = 0.0, best[0, 1] if best[0, 0] < 0 else 0.0
+        guests.when[m], guests.crowd.press[m] = 0.0, best[0, 1] if best[0, 0] < 0 else 0.0
         guests.awaits[m] = 1 if guests.tied[m] > 0 or best[0, 0] < 0 else 0
         if guests.swift[m] > 0 and 0 < best[0, 0] <= h and guests.free[which] > 0:
             guests.alone[m], best[0, 0] = 1, np.inf

@@ -328,11 +328,11 @@ def hold_guests(scene: Any, b: Any, k: Any, motion: Any) -> bool:
     for c in range(k.number[0]):
         m = k.second[c] - guests.first
         if m >= 0 and k.names[0, c] != GUEST and guests.awaits[m] > 0:
-            guests.rests[m] = BESIDE
+            guests.crowd.rests[m] = BESIDE
     for c in range(k.number[0]):
         i, m = k.first[c] - guests.first, k.second[c] - guests.first
         here = (i < 0 or guests.awaits[i] > 0) and (m < 0 or guests.awaits[m] > 0)
-        beside = (i >= 0 and guests.rests[i] == BESIDE) or (m >= 0 and guests.rests[m] == BESIDE)
+        beside = (i >= 0 and guests.crowd.rests[i] == BESIDE) or (m >= 0 and guests.crowd.rests[m] == BESIDE)
         if k.turns[c] == 0 and not k.late[0, c] > 0 and here and beside:
             k.order[count] = c
             count += 1

@@ -11,8 +11,10 @@ from typing import Any
 from particlesim.compiler import shared
 from particlesim.engine.rigid.bodies import GUEST, WORLD
 from particlesim.engine.rigid.braced import level_there
+from particlesim.engine.rigid.contact_rows import presses
 from particlesim.engine.rigid.grains import CARRIED
 from particlesim.engine.rigid.solver import level_all
+from particlesim.engine.rigid.support import note_carried
 from particlesim.engine.rigid.timing import kick_along
 
 FAST = 2.0
@@ -36,7 +38,7 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
     for c in range(k.number[0]):
         if k.names[0, c] != GUEST:
             m = -1 if guests is None else k.second[c] - guests.first
-            stays = m >= 0 and guests.rests[m] == CARRIED and presses(k, c)
+            stays = m >= 0 and guests.crowd.rests[m] == CARRIED and presses(k, c)
             back = way_back(b, k, motion, c, h) if stays and not k.late[0, c] > 0 else 0.0
             over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
             if over > 0 or over + back > 0:
@@ -76,20 +78,6 @@ def way_back(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:
         u += e[axis] * (m[axis] - o[axis]) + e[3 + axis] * m[3 + axis] - e[6 + axis] * o[3 + axis]
     u += kick_along(b, k, motion, c, True, h) - kick_along(b, k, motion, c, False, h)
     return 0.5 * h * max(-u, 0.0)
-
-
-def presses(k: Any, c: Any) -> bool:
-    """Whether a contact presses in this step, without rebound."""
-    return bool(k.turns[c] == 0 and k.impulse[c, 0] > 0 and not k.target[c] > 0)
-
-
-def note_carried(guests: Any, k: Any) -> None:
-    """Note which particles others, or colliders, carry in this step."""
-    for c in range(k.number[0]):
-        if k.names[0, c] == GUEST and presses(k, c):
-            for i in (k.first[c], k.second[c]):
-                if i >= 0:
-                    guests.rests[i - guests.first] = CARRIED
 
 
 def nudge(b: Any, k: Any, motion: Any, c: Any, speed: Any, stays: Any) -> Any:

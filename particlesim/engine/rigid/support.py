@@ -24,7 +24,8 @@ from particlesim.engine.rigid.bodies import (
     set_fall,
     set_surface,
 )
-from particlesim.engine.rigid.grains import GRAINS, LIES
+from particlesim.engine.rigid.contact_rows import presses
+from particlesim.engine.rigid.grains import CARRIED, GRAINS, LIES
 from particlesim.engine.rigid.narrow import minus, plus
 from particlesim.engine.rigid.probing import away, probe
 from particlesim.engine.rigid.rolling import ROLLING
@@ -33,6 +34,7 @@ from particlesim.engine.rigid.stops import ROLL
 from particlesim.engine.rigid.touching import Touching
 from particlesim.engine.rigid.walls import Wall, set_wall
 from particlesim.laws.registry import gap
+from particlesim.model.arrays import Floats, Ints
 
 TOUCH = 0.01
 """Gap up to which particles lie on each other, or on a collider, as a part of the smaller radius."""
@@ -51,6 +53,21 @@ class Support(NamedTuple):
     heard: Any
 
 
+class Crowd(NamedTuple):
+    """Particles that may lie on something below bodies: which of them touch a body, or others that do, at the beginning of
+    the step (`stands`), how they take part in it (`rests`), and which touch anything but bodies (`linked`) [n]; how fast
+    bodies that touch them come to them [m/s] (`press` [n]); what of the kick of the step colliders take back in their own
+    step [m/s] (`borne` [3, n]); where they began the step (`began` [3, n]), and `cells` to find them in."""
+
+    stands: Any
+    rests: Any
+    linked: Any
+    press: Any
+    borne: Any
+    began: Any
+    cells: Any
+
+
 class Cells(NamedTuple):
     """Particles in cubes of a grid, whose width is that of the largest contact [m]: the first one in each bucket of cubes,
     the next one of each, −1 at the end [n], and the cube of each [3, n]."""
@@ -61,7 +78,7 @@ class Cells(NamedTuple):
     cube: Any
 
 
-def new_cells(radius: Any) -> Cells:
+def new_cells(radius: Floats) -> Cells:
     """Cells for particles of such radii."""
     n = len(radius)
     width = 2 * (1 + TOUCH) * float(radius.max(initial=0.0)) or 1.0
@@ -71,6 +88,14 @@ def new_cells(radius: Any) -> Cells:
         np.full(n, -1, np.int64),
         np.zeros((3, n), np.int64),
     )
+
+
+def new_crowd(stands: Ints, radius: Floats) -> Crowd:
+    """Particles at the beginning of a step."""
+    n = len(radius)
+    rests, linked = np.zeros((2, n), np.int64)
+    borne, began = np.zeros((2, 3, n))
+    return Crowd(stands.copy(), rests, linked, np.zeros(n), borne, began, new_cells(radius))
 
 
 def bucket(cells: Any, i: Any, number: Any) -> int:
@@ -141,63 +166,63 @@ def gather(
 
 
 @outlined
-def find_support(guests: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> None:
-    """Note what guests lie on in a step of length h, whose middle is at t; their own contacts with bodies are known. What
-    does not await anything gets no force of its own."""
-    s, count = guests.support, 0
+def find_support(guests: Any, b: Any, k: Any, t: Any, h: Any) -> None:
+    """Note what guests lie on in a step of length h, whose middle is at t; their own contacts with bodies are known. What a
+    body hits on its way is between it and colliders, too. What does not await anything gets no force of its own."""
+    s, crowd, count = guests.support, guests.crowd, 0
     for m in range(guests.radius.size):
-        i, lies = guests.first + m, guests.stands[m] > 0 and guests.alone[m] == 0 and guests.when[m] == 0
-        guests.rests[m], guests.linked[m] = LIES if lies else 0, 0
+        lies = crowd.stands[m] > 0 and guests.alone[m] == 0 and guests.when[m] == 0
+        crowd.rests[m], crowd.linked[m] = LIES if lies else 0, 0
         if lies:
-            count += 1
             guests.awaits[m] = 1
+            count += 1
         for axis in range(3):
             if guests.awaits[m] == 0:
                 guests.other[axis, m] = 0.0
     for wall in s.walls:
         for m in range(guests.radius.size):
-            takes = guests.rests[m] > 0 or guests.when[m] != 0
-            if takes and wall.on[guests.kind[m]] > 0 and b.w[guests.first + m] > 0:
+            here = crowd.rests[m] > 0 or guests.when[m] != 0
+            if here and wall.on[guests.kind[m]] > 0 and b.w[guests.first + m] > 0:
                 on_wall(wall, guests, b, k, m, t, h)
-    sort_in(guests.cells, guests.began, guests.rests)
+    if count == 0:
+        return
+    sort_in(crowd.cells, crowd.began, crowd.rests)
     for m in range(guests.radius.size):
-        for number in range(AROUND if guests.rests[m] > 0 else 0):
-            o = guests.cells.first[bucket(guests.cells, m, number)]
+        for number in range(AROUND if crowd.rests[m] > 0 else 0):
+            o = crowd.cells.first[bucket(crowd.cells, m, number)]
             while o >= 0:
                 touch = s.pairs.touch[guests.kind[m], guests.kind[o]] > 0
-                if touch and guests.id[m] < guests.id[o] and is_in(guests.cells, o, m, number):
+                if touch and guests.id[m] < guests.id[o] and is_in(crowd.cells, o, m, number):
                     on_each_other(guests, b, k, m, o, h)
-                o = guests.cells.next[o]
+                o = crowd.cells.next[o]
 
 
 @outlined
 def on_wall(wall: Any, guests: Any, b: Any, k: Any, m: Any, t: Any, h: Any) -> None:
     """Note the contact of a guest with a collider."""
-    i, radius, x = guests.first + m, guests.radius[m], row(guests.began, m)
-    p = probe(x, radius, t - 0.5 * h)
+    i, radius, crowd = guests.first + m, guests.radius[m], guests.crowd
+    p = probe(row(crowd.began, m), radius, t - 0.5 * h)
     distance = gap(wall.shape, p)
-    if distance < TOUCH * radius + h * guests.press[m]:
-        n = away(wall.shape, p)
-        number = add_contact(k, i, WORLD, GRAINS + guests.id[m], plus(place(b, i), -radius, n), n, distance)
-        if number < 0:
-            return
-        set_wall(wall, k, number, t)
-        name_contact(k, number, GUEST, GUEST - 1 - wall.number)
-        guests.linked[m] = 1
-        friction = guests.support.rolling[guests.kind[m]]
-        if friction > 0:
-            roll_on(b, k, number, friction, radius, spin_of(wall.shape))
+    if distance < TOUCH * radius + h * crowd.press[m]:
+        n, friction = away(wall.shape, p), guests.support.rolling[guests.kind[m]]
+        at = plus(place(b, i), -radius, n)
+        number = add_contact(k, i, WORLD, GRAINS + guests.id[m], at, n, distance)
+        if number >= 0:
+            set_wall(wall, k, number, t)
+            name_contact(k, number, GUEST, GUEST - 1 - wall.number)
+            crowd.linked[m] = 1
+            if friction > 0:
+                roll_on(b, k, number, friction, radius, spin_of(wall.shape))
 
 
 @outlined
 def on_each_other(guests: Any, b: Any, k: Any, m: Any, o: Any, h: Any) -> None:
     """Note the contact of two guests, if they touch."""
-    one, two = guests.radius[m], guests.radius[o]
-    d, size = minus(row(guests.began, m), row(guests.began, o)), min(one, two)
-    length2, reach = dot(d, d), one + two + TOUCH * size + h * max(guests.press[m], guests.press[o])
-    i, j, s = guests.first + m, guests.first + o, guests.support.pairs
-    if length2 < reach * reach and length2 > 0 and b.w[i] + b.w[j] > 0:
-        length = np.sqrt(length2)
+    one, two, crowd, s = guests.radius[m], guests.radius[o], guests.crowd, guests.support.pairs
+    d, i, j = minus(row(crowd.began, m), row(crowd.began, o)), guests.first + m, guests.first + o
+    length = np.sqrt(dot(d, d))
+    near = TOUCH * min(one, two) + h * max(crowd.press[m], crowd.press[o])
+    if 0 < length < one + two + near and b.w[i] + b.w[j] > 0:
         n, distance = (d[0] / length, d[1] / length, d[2] / length), length - one - two
         at = plus(place(b, j), two + 0.5 * distance, n)
         number = add_contact(k, i, j, GRAINS + guests.id[m], at, n, distance)
@@ -207,32 +232,36 @@ def on_each_other(guests: Any, b: Any, k: Any, m: Any, o: Any, h: Any) -> None:
             if k.falls is not None:
                 set_fall(k, number, 0, s.restitution[a, c], s.speed[a, c], s.exponent[a, c])
             name_contact(k, number, GUEST, guests.id[o])
-            guests.linked[m] = guests.linked[o] = 1
+            crowd.linked[m] = crowd.linked[o] = 1
             if s.rolling[a, c] > 0:
                 roll_on(b, k, number, s.rolling[a, c], one * two / (one + two), (0.0, 0.0, 0.0))
+
+
+def note_carried(guests: Any, k: Any) -> None:
+    """Note which guests others, or colliders, carry in this step."""
+    for c in range(k.number[0]):
+        if k.names[0, c] == GUEST and presses(k, c):
+            for i in (k.first[c], k.second[c]):
+                if i >= 0:
+                    guests.crowd.rests[i - guests.first] = CARRIED
 
 
 @outlined
 def note_weights(guests: Any, b: Any, k: Any, h: Any) -> None:
     """Note what of the kick of a step of h presses guests onto colliders that carry them, which will take it back in their
     own step: there it would first take them into the collider."""
+    borne = guests.crowd.borne
     for m in range(guests.radius.size):
         for axis in range(3):
-            guests.borne[axis, m] = 0.0
+            borne[axis, m] = 0.0
     for c in range(k.number[0]):
         m = k.first[c] - guests.first
-        if (
-            m >= 0
-            and k.second[c] == WORLD
-            and k.turns[c] == 0
-            and k.impulse[c, 0] > 0
-            and not k.target[c] > 0
-        ):
+        if m >= 0 and k.second[c] == WORLD and presses(k, c):
             n, w, along = row(k.normal, c), b.w[k.first[c]], 0.0
             for axis in range(3):
-                along += n[axis] * (h * w * guests.other[axis, m] - guests.borne[axis, m])
+                along += n[axis] * (h * w * guests.other[axis, m] - borne[axis, m])
             for axis in range(3):
-                guests.borne[axis, m] += min(along, 0.0) * n[axis]
+                borne[axis, m] += min(along, 0.0) * n[axis]
 
 
 def roll_on(b: Any, k: Any, c: Any, friction: Any, size: Any, spin: Any) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from particlesim.engine.rigid.bodies import Bodies
 from particlesim.engine.rigid.grains import Guests
-from particlesim.engine.rigid.support import Support, new_cells
+from particlesim.engine.rigid.support import Support, new_crowd
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.model.arrays import Floats, Ints
@@ -117,16 +117,7 @@ def guests_of(visitors: Visitors, support: Support, bodies: int, h: float) -> Gu
             *(np.zeros(bodies, np.int64), np.zeros(n, np.int64)),
             visitors.held,
             *known,
-            *(
-                support,
-                visitors.stands.copy(),
-                np.zeros(n, np.int64),
-                np.zeros(n, np.int64),
-                np.zeros(n),
-                np.zeros((3, n)),
-                np.zeros((3, n)),
-            ),
-            new_cells(visitors.radius),
+            *(support, new_crowd(visitors.stands, visitors.radius)),
         ]
     )
 
@@ -148,7 +139,7 @@ def joined(b: Bodies, visitors: Visitors) -> Bodies:
 def renew(guests: Guests, visitors: Visitors, h: float) -> None:
     """The same visitors in another step."""
     guests.other[:] = _others(visitors, h)
-    guests.tied[:], guests.swift[:], guests.stands[:] = visitors.tied, visitors.swift, visitors.stands
+    guests.tied[:], guests.swift[:], guests.crowd.stands[:] = visitors.tied, visitors.swift, visitors.stands
     guests.pull[:], guests.asked[0], guests.bend[:] = 0.0, 0, 0.0
 
 
@@ -190,7 +181,7 @@ def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
     """The visitors after a step of length h."""
     part, held = slice(guests.first, None), visitors.held
     x, end, spin = whole.x[:, part], whole.v[:, part], whole.spin[:, part]
-    gain = np.where(guests.awaits > 0, visitors.gain, 0.0) - guests.borne
+    gain = np.where(guests.awaits > 0, visitors.gain, 0.0) - guests.crowd.borne
     v = end - gain
     change = v - visitors.v
     rounding = 4 * EPS * (np.abs(end) + np.abs(gain))
@@ -209,6 +200,6 @@ def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
     # Rods give impulses at the beginning and at the end of the step, too: only the places at its ends tell.
     shift[:, :held] = (x - visitors.x - h * (v + 0.5 * gain))[:, :held]
     # What others and colliders give is in this step, and none of the forces that are to be expected.
-    forces = np.where((guests.linked > 0) | (not lies(guests)), np.nan, h * guests.pull)
+    forces = np.where((guests.crowd.linked > 0) | (not lies(guests)), np.nan, h * guests.pull)
     alone = (guests.alone > 0) & (guests.when == 0)
     return Left(v, spin / visitors.inertia, shift, moved, alone, forces)
