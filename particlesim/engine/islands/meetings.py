@@ -14,7 +14,7 @@ from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.rigid.touching import contacts_of, no_contact
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
-from particlesim.model.arrays import Bools, Floats, Ints
+from particlesim.model.arrays import Floats, Ints
 from particlesim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 
 # What steps bodies is imported where there are some.
 
-ENOUGH = 20_000
-"""Particles that touch each other below bodies, from which on no others are sought for to be among these for a step."""
+ENOUGH, EACH = 20_000, 20
+"""Particles that touch each other below bodies, from which on no others are sought for to be among these for a step; and how
+many for each of those that touch a body, where that is more."""
 
 
 class Meetings:
@@ -122,22 +123,27 @@ class Meetings:
         from particlesim.engine.rigid.support import gather, new_cells
 
         assert self._bodies is not None
-        near = np.concatenate([np.empty(0, np.int64), *found])
-        below = np.where(near == 2, 1, 0)
-        if below.any():
-            columns = [
-                np.concatenate(
-                    [np.asarray(getattr(state, name)[..., : state.count], float) for state in self._states],
-                    -1,
-                )
-                for name in ("x", "radius")
-            ]
-            kinds = [np.full(state.count, len(self._held) + k) for k, state in enumerate(self._states)]
-            may, moves = np.ones(len(near), np.int64), [_moves(state) for state in self._states]
-            may[~np.concatenate(moves)] = 2
-            rest = (new_cells(columns[1]), self._bodies.support.pairs.touch, *columns)
-            gather(*rest, np.concatenate(kinds), may, below, np.empty_like(near), ENOUGH)
-        return np.split(below, np.cumsum([len(each) for each in found])[:-1])
+        below = np.concatenate([np.empty(0, np.int64), *found]) == 2
+        if not below.any():
+            return [np.zeros_like(each) for each in found]
+        states, first = self._states, len(self._held)
+        x = np.concatenate([state.x[:, : state.count].astype(float) for state in states], axis=1)
+        radius = np.concatenate([state.radius[: state.count].astype(float) for state in states])
+        kind = np.concatenate([np.full(state.count, first + k) for k, state in enumerate(states)])
+        may = np.concatenate([self._may(state) for state in states])
+        touch, enough = self._bodies.support.pairs.touch, max(ENOUGH, EACH * int(below.sum()))
+        lies = below.astype(np.int64)
+        gather(new_cells(radius), touch, x, radius, kind, may, lies, np.empty_like(kind), enough)
+        return np.split(lies, np.cumsum([len(each) for each in found])[:-1])
+
+    def _may(self, state: GroupState) -> Ints:
+        """Which particles of a group may lie below bodies: 1, 2 where nothing moves them, 0 of those that rods hold at bodies
+        and that are there anyway."""
+        may = np.ones(state.count, np.int64)
+        if state.clocked:
+            may[~np.isfinite(state.start[: state.count])] = 2
+        may[self._held.get(state.name, [])] = 0
+        return may
 
     def _accelerations(self, time: float, probe: Floats | None) -> tuple[Floats, Floats]:
         """How much what else acts on visitors accelerates them at a time [m/s²] if all are shifted, and how far they were
@@ -272,11 +278,6 @@ class Meetings:
         """The work that contact has done on groups of particles which rods hold [J], where that is booked."""
         books = (self._islands[name].books for name in self._held)
         return [each.work_of("contact") for each in books if each is not None]
-
-
-def _moves(state: GroupState) -> Bools:
-    """Which particles of a group something can move: not those that are held."""
-    return np.isfinite(state.start[: state.count]) if state.clocked else np.ones(state.count, np.bool_)
 
 
 def _bodies_among(islands: Sequence[BaseIsland]) -> RigidIsland:
