@@ -137,8 +137,8 @@ class Meetings:
         return np.split(lies, np.cumsum([len(each) for each in found])[:-1])
 
     def _may(self, state: GroupState) -> Ints:
-        """Which particles of a group may lie below bodies: 1, 2 where nothing moves them, 0 of those that rods hold at bodies
-        and that are there anyway."""
+        """Which particles of a group may lie below bodies: 1, 2 where nothing moves them, 0 of those that rods hold at
+        bodies, and that are there anyway."""
         may = np.ones(state.count, np.int64)
         if state.clocked:
             may[~np.isfinite(state.start[: state.count])] = 2
