@@ -220,10 +220,12 @@ def on_each_other(guests: Any, b: Any, k: Any, m: Any, o: Any, h: Any) -> None:
     """Note the contact of two guests, if they touch."""
     one, two, crowd, s = guests.radius[m], guests.radius[o], guests.crowd, guests.support.pairs
     d, i, j = minus(row(crowd.began, m), row(crowd.began, o)), guests.first + m, guests.first + o
-    length = np.sqrt(dot(d, d))
+    distance = np.sqrt(dot(d, d)) - one - two
     near = TOUCH * min(one, two) + h * max(crowd.press[m], crowd.press[o])
-    if 0 < length < one + two + near and b.w[i] + b.w[j] > 0:
-        n, distance = (d[0] / length, d[1] / length, d[2] / length), length - one - two
+    d = minus(place(b, i), place(b, j))  # where impulses act, so that they turn nothing
+    length = np.sqrt(dot(d, d))
+    if distance < near and length > 0 and b.w[i] + b.w[j] > 0:
+        n = (d[0] / length, d[1] / length, d[2] / length)
         at = plus(place(b, j), two + 0.5 * distance, n)
         number = add_contact(k, i, j, GRAINS + guests.id[m], at, n, distance)
         a, c = guests.kind[m], guests.kind[o]
