@@ -235,11 +235,12 @@ class Meetings:
         x, v, turning = np.zeros((3, 3, number))
         first = 0
         for (state, _), mine in zip(self._there, rows, strict=True):
-            part = slice(first, first + len(mine))
+            there = mine >= 0
+            part, mine = first + np.flatnonzero(there), mine[there]
             x[:, part], v[:, part] = state.x[:, mine], state.v[:, mine]
             if SPIN in state.parts:
                 turning[:, part] = state.angular_velocity[:, mine]
-            first += len(mine)
+            first += len(there)
         here = np.concatenate([np.empty(0, np.int64), *rows]) >= 0
         here &= self._slow  # others may have left since
         found = self._bodies.hold_guests(x, v, turning, here.astype(np.int64)) if number else None

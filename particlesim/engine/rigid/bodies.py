@@ -16,6 +16,8 @@ NOBODY = -2
 """A free place in the memory."""
 GUEST = -3
 """In the names of contacts: a particle, whose id is in the feature. Below it, what it may touch: colliders."""
+GRAINS = 1 << 48
+"""First number for the features of particles, which are their ids."""
 
 
 class Bodies(NamedTuple):

@@ -68,7 +68,7 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
         find_stops(scene.stops, scene.joints, b, k, motion, h)
     if scene.guests is not None:
         joined = None if scene.joints is None else scene.joined
-        find_guests(scene.guests, joined, b, k, motion, scene.slop, h)
+        find_guests(scene.guests, joined, b, k, motion, scene.slop, t, h)
         find_support(scene.guests, b, k, t, h)
 
 

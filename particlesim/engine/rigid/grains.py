@@ -24,6 +24,7 @@ import numpy as np
 from particlesim.bodies.pieces import BOX, CAPSULE, CYLINDER, HULL, SPHERE
 from particlesim.compiler import kernel, on_stack, outlined
 from particlesim.engine.rigid.bodies import (
+    GRAINS,
     GUEST,
     add_contact,
     name_contact,
@@ -37,8 +38,10 @@ from particlesim.engine.rigid.convex import nearest
 from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, entry, minus, plus
 from particlesim.engine.rigid.pieces import Solid, solid_of
 from particlesim.engine.rigid.rolling import ROLLING
-from particlesim.engine.rigid.rotation import cross, dot, matrix, rotated, to_body, to_world
+from particlesim.engine.rigid.rotation import cross, dot, matrix, normalised, rotated, to_body, to_world
 from particlesim.engine.rigid.stops import ROLL
+from particlesim.engine.rigid.support import lies_on_collider
+from particlesim.model.quaternions import times
 
 HOPS = 48
 """Steps of Newton's method at most."""
@@ -48,10 +51,6 @@ FAST = 0.5
 """Way relative to a body in a step, in radii, from which on it matters whom else a particle meets first."""
 LEFT = 0.01
 """The part of the overlap that bodies are left which guests are."""
-LIES, CARRIED, BESIDE = 1, 2, 3
-"""What `rests` is of a particle that lies on something, is carried by that in this step, and touches a body."""
-GRAINS = 1 << 48
-"""First number for the features of guests, which are their ids."""
 
 
 class Guests(NamedTuple):
@@ -195,19 +194,20 @@ def depths_in(b: Any, group: Any, x: Any, radius: Any, depth: Any, which: Any) -
 
 
 @outlined
-def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any, h: Any) -> None:
-    """Note the contacts that guests have with bodies in a step of length h, of which half is over; those that joints hold
-    are `joined`, None where none are."""
+def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any, t: Any, h: Any) -> None:
+    """Note the contacts that guests have with bodies in a step of length h, whose middle is at t; the bodies that joints
+    hold are `joined`, None where none are. What lies on a collider is no swift guest, however swift the body is."""
     found, best = on_stack(1, 9, np.float64), on_stack(1, 2, np.float64)
     p = b.pieces
     find_free(guests, joined, k)
     for m in range(guests.radius.size):
         guest, which = guests.first + m, -1
         at, radius, kind = place(b, guest), guests.radius[m], guests.kind[m]
-        best[0, 0], guests.alone[m] = np.inf, 0
+        best[0, 0], guests.alone[m], guests.crowd.hit[m] = np.inf, 0, -1
         for axis in range(3):
             guests.shift[axis, m] = guests.probe[axis, m] = 0.0
             guests.crowd.began[axis, m] = b.x[axis, guest] - 0.5 * h * motion.now[guest, axis]
+        swift = guests.swift[m] > 0 and not lies_on_collider(guests, motion, m, t, h)
         for i in range(guests.first):
             group = b.group[i]
             if guests.touch[kind, group] > 0:
@@ -221,11 +221,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                     begin = k.number[0]
                     for number in range(p.first[group], p.first[group + 1]):
                         s = solid_of(p, number, x, r)
-                        if (
-                            guests.swift[m] > 0
-                            and guests.free[i] > 0
-                            and falls_on(p, s, at, u, slop, h, found)
-                        ):
+                        if swift and guests.free[i] > 0 and falls_on(p, s, at, u, slop, h, found):
                             guests.alone[m] = 1
                         else:
                             follow(p, s, k, i, guest, guests.id[m], at, u, radius, slop, h, found, best)
@@ -234,7 +230,7 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                         which = i
         guests.when[m], guests.crowd.press[m] = 0.0, best[0, 1] if best[0, 0] < 0 else 0.0
         guests.awaits[m] = 1 if guests.tied[m] > 0 or best[0, 0] < 0 else 0
-        if guests.swift[m] > 0 and 0 < best[0, 0] <= h and guests.free[which] > 0:
+        if swift and 0 < best[0, 0] <= h and guests.free[which] > 0:
             guests.alone[m], best[0, 0] = 1, np.inf
         if 0 < best[0, 0] <= h:
             guests.alone[m] = 0
@@ -244,7 +240,8 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
             b.x[0, guest], b.x[1, guest], b.x[2, guest] = plus(place(b, which), 1.0, beside)
             where = plus(place(b, guest), -radius, n)
             number = add_contact(k, which, guest, GRAINS + guests.id[m], where, (-n[0], -n[1], -n[2]), 0.0)
-            name_contact(k, number, i, GUEST)
+            name_contact(k, number, which, GUEST)
+            guests.crowd.hit[m] = number
             if number >= 0:
                 # Others are not moved to where they would be if the impulse had been given then.
                 k.late[0, number], k.late[1, number] = best[0, 0], dot(row(guests.pull, m), n)
@@ -385,6 +382,20 @@ def asks(guests: Any, k: Any) -> bool:
     return hits
 
 
+def turn_back(b: Any, k: Any, c: Any, when: Any) -> None:
+    """Turn the body of a contact to where it would be if its impulse had been given at a time after the middle."""
+    i, q = k.first[c], orientation(b, k.first[c])
+    x = y = z = 0.0
+    for d in range(3):
+        part = -0.5 * when * k.impulse[c, d]
+        x += part * k.rows[c, d, 9]
+        y += part * k.rows[c, d, 10]
+        z += part * k.rows[c, d, 11]
+    p = times((0.0, x, y, z), q)
+    q = normalised((q[0] + p[0], q[1] + p[1], q[2] + p[2], q[3] + p[3]))
+    b.turn[0, i], b.turn[1, i], b.turn[2, i], b.turn[3, i] = q
+
+
 @outlined
 def settle_guests(scene: Any, b: Any, k: Any) -> None:
     """Move bodies that are free to where they would be if impacts of guests had been at their times; note the same for
@@ -400,6 +411,8 @@ def settle_guests(scene: Any, b: Any, k: Any) -> None:
                 if guests.free[k.first[c]] > 0:
                     b.x[axis, k.first[c]] -= guests.when[m] * b.w[k.first[c]] * total
                 guests.shift[axis, m] += guests.when[m] * b.w[guest] * total
+            if guests.free[k.first[c]] > 0:
+                turn_back(b, k, c, guests.when[m])
         m = k.first[c] - guests.first
         if m >= 0 and guests.when[m] != 0:
             for axis in range(3):

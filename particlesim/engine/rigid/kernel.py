@@ -17,7 +17,7 @@ from particlesim.engine.rigid.acting import potential_of, power, sum_all_forces
 from particlesim.engine.rigid.bodies import GUEST, orientation, place, row
 from particlesim.engine.rigid.broad import find_contacts
 from particlesim.engine.rigid.free import move, own
-from particlesim.engine.rigid.grains import BESIDE, asks, settle_guests
+from particlesim.engine.rigid.grains import asks, settle_guests
 from particlesim.engine.rigid.hearing import note_impacts, silence
 from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.memory import forget
@@ -31,7 +31,7 @@ from particlesim.engine.rigid.rotation import (
 from particlesim.engine.rigid.solver import lay_out, solve, solve_again, velocities
 from particlesim.engine.rigid.springs import snap
 from particlesim.engine.rigid.stops import motor_work
-from particlesim.engine.rigid.support import note_weights
+from particlesim.engine.rigid.support import BESIDE, note_weights
 from particlesim.engine.rigid.swift import hasten
 from particlesim.engine.rigid.swinging import watch_swings
 from particlesim.engine.rigid.work import (

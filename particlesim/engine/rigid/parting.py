@@ -12,9 +12,8 @@ from particlesim.compiler import shared
 from particlesim.engine.rigid.bodies import GUEST, WORLD
 from particlesim.engine.rigid.braced import level_there
 from particlesim.engine.rigid.contact_rows import presses
-from particlesim.engine.rigid.grains import CARRIED
 from particlesim.engine.rigid.solver import level_all
-from particlesim.engine.rigid.support import note_carried
+from particlesim.engine.rigid.support import CARRIED, note_carried
 from particlesim.engine.rigid.timing import kick_along
 
 FAST = 2.0

@@ -15,6 +15,7 @@ import numpy as np
 from particlesim.colliders.moving import spin_of
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.rigid.bodies import (
+    GRAINS,
     GUEST,
     WORLD,
     add_contact,
@@ -25,8 +26,7 @@ from particlesim.engine.rigid.bodies import (
     set_surface,
 )
 from particlesim.engine.rigid.contact_rows import presses
-from particlesim.engine.rigid.grains import CARRIED, GRAINS, LIES
-from particlesim.engine.rigid.narrow import minus, plus
+from particlesim.engine.rigid.narrow import entry, minus, plus
 from particlesim.engine.rigid.probing import away, probe
 from particlesim.engine.rigid.rolling import ROLLING
 from particlesim.engine.rigid.rotation import dot
@@ -38,6 +38,10 @@ from particlesim.model.arrays import Floats, Ints
 
 TOUCH = 0.01
 """Gap up to which particles lie on each other, or on a collider, as a part of the smaller radius."""
+SLOW = 0.1
+"""Way in a step up to which a particle lies on what it touches, as a part of its radius."""
+LIES, CARRIED, BESIDE = 1, 2, 3
+"""What `rests` is of a particle that may lie on something, is carried by that in this step, and touches a body."""
 AROUND = 27
 """A cube of the grid and those beside it."""
 
@@ -57,7 +61,8 @@ class Crowd(NamedTuple):
     """Particles that may lie on something below bodies: which of them touch a body, or others that do, at the beginning of
     the step (`stands`), how they take part in it (`rests`), and which touch anything but bodies (`linked`) [n]; how fast
     bodies that touch them come to them [m/s] (`press` [n]); what of the kick of the step colliders take back in their own
-    step [m/s] (`borne` [3, n]); where they began the step (`began` [3, n]), and `cells` to find them in."""
+    step [m/s] (`borne` [3, n]); where they began the step (`began` [3, n]), and `cells` to find them in; the contact of
+    those that a body hits within the step, −1 of others (`hit` [n]), and what accelerates them there (`pull` [3, n])."""
 
     stands: Any
     rests: Any
@@ -66,6 +71,8 @@ class Crowd(NamedTuple):
     borne: Any
     began: Any
     cells: Any
+    hit: Any
+    pull: Any
 
 
 class Cells(NamedTuple):
@@ -94,8 +101,10 @@ def new_crowd(stands: Ints, radius: Floats) -> Crowd:
     """Particles at the beginning of a step."""
     n = len(radius)
     rests, linked = np.zeros((2, n), np.int64)
-    borne, began = np.zeros((2, 3, n))
-    return Crowd(stands.copy(), rests, linked, np.zeros(n), borne, began, new_cells(radius))
+    borne, began, pull = np.zeros((3, 3, n))
+    return Crowd(
+        stands.copy(), rests, linked, np.zeros(n), borne, began, new_cells(radius), np.full(n, -1), pull
+    )
 
 
 def bucket(cells: Any, i: Any, number: Any) -> int:
@@ -177,6 +186,7 @@ def find_support(guests: Any, b: Any, k: Any, t: Any, h: Any) -> None:
             guests.awaits[m] = 1
             count += 1
         for axis in range(3):
+            crowd.pull[axis, m] = guests.pull[axis, m]
             if guests.awaits[m] == 0:
                 guests.other[axis, m] = 0.0
     for wall in s.walls:
@@ -211,8 +221,29 @@ def on_wall(wall: Any, guests: Any, b: Any, k: Any, m: Any, t: Any, h: Any) -> N
             set_wall(wall, k, number, t)
             name_contact(k, number, GUEST, GUEST - 1 - wall.number)
             crowd.linked[m] = 1
+            if crowd.hit[m] >= 0:
+                hold_back(crowd, k, m, n)
             if friction > 0:
                 roll_on(b, k, number, friction, radius, spin_of(wall.shape))
+
+
+def hold_back(crowd: Any, k: Any, m: Any, n: Any) -> None:
+    """Until a body hits a guest, a collider with the normal n takes back what presses it on this."""
+    press = min(dot(row(crowd.pull, m), n), 0.0)
+    for axis in range(3):
+        crowd.pull[axis, m] -= press * entry(n, axis)
+    k.late[1, crowd.hit[m]] = -dot(row(crowd.pull, m), row(k.normal, crowd.hit[m]))
+
+
+@outlined
+def lies_on_collider(guests: Any, motion: Any, m: Any, t: Any, h: Any) -> bool:
+    """Whether a guest lies on a collider at the beginning of a step of length h, whose middle is at t."""
+    now, r, lies = motion.now[guests.first + m], guests.radius[m], False
+    if h * np.sqrt(now[0] ** 2 + now[1] ** 2 + now[2] ** 2) < SLOW * r:
+        for wall in guests.support.walls:
+            if not lies and wall.on[guests.kind[m]] > 0:
+                lies = gap(wall.shape, probe(row(guests.crowd.began, m), r, t - 0.5 * h)) < TOUCH * r
+    return bool(lies)
 
 
 @outlined
