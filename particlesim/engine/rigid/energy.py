@@ -58,6 +58,27 @@ def of_time(b: Any, k: Any, motion: Any, c: Any, h: Any) -> float:
     return (0.5 * h - k.late[2, c]) * away - k.late[0, c] * k.late[1, c] * k.impulse[c, 0]
 
 
+def gained_by(b: Any, motion: Any, i: Any, h: Any) -> float:
+    """The energy that impulses in a step of h give to a body, with what forces do less then [J]."""
+    was, now, m, work = motion.start[i], motion.now[i], 1 / b.w[i], 0.0
+    for axis in range(3):
+        work += 0.5 * m * (now[axis] - was[axis]) * (now[axis] + was[axis])
+        work += 0.5 * (motion.gained[i, axis] - was[6 + axis]) * (now[3 + axis] + was[3 + axis])
+    return work - against_forces(motion, i, h)
+
+
+@outlined
+def taken(b: Any, k: Any, motion: Any, h: Any) -> float:
+    """The energy that the impulses of a step of h take, all together [J]."""
+    total = 0.0
+    for i in range(b.w.size):
+        if b.w[i] > 0:
+            total -= gained_by(b, motion, i, h)
+    for c in range(k.number[0]):
+        total += of_time(b, k, motion, c, h)
+    return total
+
+
 @outlined
 def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
     """Whether some set of bodies that touch each other gains energy in a step of h; `gain` is that of each, at the body that
@@ -77,13 +98,10 @@ def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
     for i in range(b.w.size):
         if not b.w[i] > 0:
             continue  # a guest that nothing moves
-        was, now, m = motion.start[i], motion.now[i], 1 / b.w[i]
-        work = had = 0.0
+        had, was = 0.0, motion.start[i]
         for axis in range(3):
-            work += 0.5 * m * (now[axis] - was[axis]) * (now[axis] + was[axis])
-            work += 0.5 * (motion.gained[i, axis] - was[6 + axis]) * (now[3 + axis] + was[3 + axis])
-            had += 0.5 * m * was[axis] * was[axis]
-        gain[root(parent, i)] += work - against_forces(motion, i, h) - NOISE * had
+            had += 0.5 / b.w[i] * was[axis] * was[axis]
+        gain[root(parent, i)] += gained_by(b, motion, i, h) - NOISE * had
     for c in range(k.number[0]):
         gain[root(parent, k.first[c])] -= of_time(b, k, motion, c, h)
     for c in range(k.number[0]):

@@ -336,6 +336,9 @@ def hold_guests(scene: Any, b: Any, k: Any, motion: Any) -> bool:
         if k.turns[c] == 0 and not k.late[0, c] > 0 and here and beside:
             k.order[count] = c
             count += 1
+            if k.names[0, c] == GUEST:  # it has had its own impulses since
+                for d in range(3):
+                    k.impulse[c, d] = 0.0
             n = row(k.normal, c)
             if m >= 0:
                 at = plus(place(b, guests.first + m), guests.radius[m], n)

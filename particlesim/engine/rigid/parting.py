@@ -12,65 +12,94 @@ from particlesim.compiler import shared
 from particlesim.engine.rigid.bodies import GUEST, WORLD
 from particlesim.engine.rigid.braced import level_there
 from particlesim.engine.rigid.contact_rows import presses
+from particlesim.engine.rigid.energy import taken
 from particlesim.engine.rigid.solver import level_all
 from particlesim.engine.rigid.support import CARRIED, note_carried
 from particlesim.engine.rigid.timing import kick_along
 
-FAST = 2.0
-"""Speed of approach in units of what forces bring about in a step from which on a contact closes fast."""
 PUSHES, MOST_PUSHES = 12, 400
 """Sweeps that push apart; where all of an overlap is to be taken away, at most."""
 APART = 1e-3
 """Change of a speed that ends them then, as a part of it."""
-PART = 0.2
-"""Part of an overlap that is taken away in a step."""
+PART, LIFT = 0.2, 0.005
+"""Part of an overlap that is taken away in a step; and with a particle that is carried, at least."""
 
 
 @shared
 def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any, h: Any) -> bool:
-    """Velocities, into `apart`, that take away a part of what overlaps; whether there are any. What lies on something does
-    not give way to what lies on it. Particles among bodies move apart from each other, and from colliders, in their own
-    step."""
-    count, turns = 0, PUSHES
+    """Velocities, into `apart`, that take away a part of what overlaps; whether there are any. Particles among bodies move
+    apart from each other, and from colliders, in their own step; those that are carried do not give way to what lies on
+    them, which is put back as far as the energy pays for that which impulses have taken in this step."""
+    count, lifts = 0, False
     if guests is not None:
         note_carried(guests, k)
     for c in range(k.number[0]):
         if k.names[0, c] != GUEST:
             m = -1 if guests is None else k.second[c] - guests.first
-            stays = m >= 0 and guests.crowd.rests[m] == CARRIED and presses(k, c)
-            back = way_back(b, k, motion, c, h) if stays and not k.late[0, c] > 0 else 0.0
+            stays = m >= 0 and guests.crowd.rests[m] == CARRIED
             over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
-            if over > 0 or over + back > 0:
-                # What came fast has lost more than it costs to lift all of the overlap.
-                fast = back > 0.5 * FAST * h * abs(kick_along(b, k, motion, c, False, h))
+            if stays and not k.late[0, c] > 0:
+                over += way_on(b, k, motion, c, h)
+            # What is carried, and does not press, is left alone: the body goes on, or will press it.
+            if over > 0 and (presses(k, c) or not stays):
                 k.order[count] = -1 - c if stays else c
-                k.before[c, 0] = ((over if fast or over < 0 else PART * over) + back) / h
-                turns = MOST_PUSHES if back > 0 else turns
+                k.before[c, 0] = over / h
+                lifts = lifts or stays
                 count += 1
     if count == 0:
         return False
+    part, turns = 1.0, MOST_PUSHES
+    if lifts:
+        # Lifted far, bodies come to what they do not overlap with yet.
+        for c in range(k.number[0]):
+            over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
+            if k.second[c] < guests.first and k.names[0, c] != GUEST and not over > 0:
+                k.order[count], k.before[c, 0] = c, over / h
+                count += 1
+        sweep_apart(b, k, motion, joints, count, turns, part)
+        costs, pays = lifting(motion, guests.first, h), max(taken(b, k, motion, h), 0.0)
+        part = 1.0 if costs <= pays else max(pays / costs, LIFT)
+    if part < 1 or not lifts:
+        sweep_apart(b, k, motion, joints, count, turns if lifts else PUSHES, part)
+    return True
+
+
+def sweep_apart(b: Any, k: Any, motion: Any, joints: Any, count: Any, turns: Any, part: Any) -> None:
+    """Find velocities that take away the overlap of the first `count` contacts of `k.order`: `PART` of it, and a part of
+    that with particles that stay where they are, whose numbers c stand as −1 − c."""
     for i in range(b.w.size):
         for axis in range(6):
             motion.apart[i, axis] = 0.0
+    for at in range(count):
+        c = k.order[at]
+        k.impulse[c if c >= 0 else -1 - c, 3] = 0.0
     turn, going = 0, True
     while turn < turns and going:
         going = turn < PUSHES
         for place_in in range(count):
             at = k.order[count - 1 - place_in if turn % 2 == 1 else place_in]
-            c = at if at >= 0 else -1 - at
-            changed = nudge(b, k, motion, c, k.before[c, 0], at < 0)
-            going = going or changed > APART * k.before[c, 0]
+            c, stays = (at, False) if at >= 0 else (-1 - at, True)
+            most = k.before[c, 0]
+            changed = nudge(b, k, motion, c, most * (part if stays else (PART if most > 0 else 1.0)), stays)
+            going = going or changed > APART * part * abs(most)
             if joints is not None and k.braced[c] > 0:
                 level_there(b, k, joints, motion.apart, motion.other, c)
         for cluster in range(motion.clusters[0]):
             level_all(b, motion, motion.apart, motion.other, joints, cluster)
         turn += 1
-    return True
 
 
-def way_back(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:
-    """How far a body has gone on in the half of a step that is over towards a particle which is carried. To lift it as far
-    again costs what that has given."""
+def lifting(motion: Any, bodies: Any, h: Any) -> float:
+    """What it costs to move so many bodies in a step of h as `apart` says, against forces [J]."""
+    total = 0.0
+    for i in range(bodies):
+        for axis in range(6):
+            total -= h * motion.pull[i, axis] * motion.apart[i, axis]
+    return total
+
+
+def way_on(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:
+    """How far a body has gone on towards a particle in the half of a step that is over."""
     e, m, o = k.rows[c, 0], motion.start[k.first[c]], motion.start[k.second[c]]
     u = 0.0
     for axis in range(3):
