@@ -84,6 +84,8 @@ DEEP = 10.0
 """Overlap at the start of which psim warns, in units of the overlap that contacts tolerate."""
 TRIED = 8
 """Overlaps at the start of which it is looked whether the body can get out."""
+ROUNDING = 1e-12
+"""Part of a kinetic energy that rounding makes."""
 ROOM = 16
 """Contacts for each body that there is room for at first."""
 
@@ -314,8 +316,11 @@ class RigidIsland(BaseIsland):
         whole.x[:, n:], whole.v[:, n:] = x, v
         whole.spin[:, n:] = np.where(turns, turning * np.where(turns, inertia, 0.0), 0.0)
         guests.awaits[there == 0] = 0
+        before = _kinetic(whole, motion)
         if not hold_guests(scene, whole, self._contacts, motion):
             return None
+        if _kinetic(whole, motion) > before * (1 + ROUNDING):
+            return None  # what is lacking gives no energy
         self._have(whole)
         return whole.v[:, n:], whole.spin[:, n:] / inertia
 

@@ -17,34 +17,36 @@ from particlesim.engine.rigid.solver import level_all
 from particlesim.engine.rigid.support import CARRIED, note_carried
 from particlesim.engine.rigid.timing import kick_along
 
+BOTH, FIRST, SECOND = 0, 1, 2
+"""Which of the two of a contact give way; the second one is a particle."""
 PUSHES, MOST_PUSHES = 12, 400
 """Sweeps that push apart; where all of an overlap is to be taken away, at most."""
 APART = 1e-3
 """Change of a speed that ends them then, as a part of it."""
-PART, LIFT = 0.2, 0.005
+PART, LIFT = 0.2, 0.01
 """Part of an overlap that is taken away in a step; and with a particle that is carried, at least."""
 
 
 @shared
 def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any, h: Any) -> bool:
     """Velocities, into `apart`, that take away a part of what overlaps; whether there are any. Particles among bodies move
-    apart from each other, and from colliders, in their own step; those that are carried do not give way to what lies on
-    them, which is put back as far as the energy pays for that which impulses have taken in this step."""
+    apart from each other, and from colliders, in their own step; those that are carried do not give way to what presses
+    them, which is put back as far as the energy pays for that which impulses have taken in this step. Others do not move
+    bodies that do not press them."""
     count, lifts = 0, False
     if guests is not None:
         note_carried(guests, k)
     for c in range(k.number[0]):
         if k.names[0, c] != GUEST:
             m = -1 if guests is None else k.second[c] - guests.first
-            stays = m >= 0 and guests.crowd.rests[m] == CARRIED
+            carried, who = m >= 0 and guests.crowd.rests[m] == CARRIED, BOTH
             over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
-            if stays and not k.late[0, c] > 0:
-                over += way_on(b, k, motion, c, h)
-            # What is carried, and does not press, is left alone: the body goes on, or will press it.
-            if over > 0 and (presses(k, c) or not stays):
-                k.order[count] = -1 - c if stays else c
-                k.before[c, 0] = over / h
-                lifts = lifts or stays
+            if carried:
+                who = FIRST if presses(k, c) else SECOND
+                over += way_on(b, k, motion, c, h) if who == FIRST and not k.late[0, c] > 0 else 0.0
+            if over > 0:
+                k.order[count], k.before[c, 0], k.before[c, 1] = c, over / h, who
+                lifts = lifts or who == FIRST
                 count += 1
     if count == 0:
         return False
@@ -54,7 +56,7 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
         for c in range(k.number[0]):
             over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
             if k.second[c] < guests.first and k.names[0, c] != GUEST and not over > 0:
-                k.order[count], k.before[c, 0] = c, over / h
+                k.order[count], k.before[c, 0], k.before[c, 1] = c, over / h, BOTH
                 count += 1
         sweep_apart(b, k, motion, joints, count, turns, part)
         costs, pays = lifting(motion, guests.first, h), max(taken(b, k, motion, h), 0.0)
@@ -65,22 +67,21 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
 
 
 def sweep_apart(b: Any, k: Any, motion: Any, joints: Any, count: Any, turns: Any, part: Any) -> None:
-    """Find velocities that take away the overlap of the first `count` contacts of `k.order`: `PART` of it, and a part of
-    that with particles that stay where they are, whose numbers c stand as −1 − c."""
+    """Find velocities that take away the overlap of the first `count` contacts of `k.order`: `PART` of it, and another part
+    where the second one stays where it is."""
     for i in range(b.w.size):
         for axis in range(6):
             motion.apart[i, axis] = 0.0
     for at in range(count):
-        c = k.order[at]
-        k.impulse[c if c >= 0 else -1 - c, 3] = 0.0
+        k.impulse[k.order[at], 3] = 0.0
     turn, going = 0, True
     while turn < turns and going:
         going = turn < PUSHES
         for place_in in range(count):
-            at = k.order[count - 1 - place_in if turn % 2 == 1 else place_in]
-            c, stays = (at, False) if at >= 0 else (-1 - at, True)
+            c = k.order[count - 1 - place_in if turn % 2 == 1 else place_in]
             most = k.before[c, 0]
-            changed = nudge(b, k, motion, c, most * (part if stays else (PART if most > 0 else 1.0)), stays)
+            takes = part if k.before[c, 1] == FIRST else (PART if most > 0 else 1.0)
+            changed = nudge(b, k, motion, c, takes * most, k.before[c, 1])
             going = going or changed > APART * part * abs(most)
             if joints is not None and k.braced[c] > 0:
                 level_there(b, k, joints, motion.apart, motion.other, c)
@@ -108,26 +109,29 @@ def way_on(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:
     return 0.5 * h * max(-u, 0.0)
 
 
-def nudge(b: Any, k: Any, motion: Any, c: Any, speed: Any, stays: Any) -> Any:
-    """Bring the bodies of a contact to separate at a speed; a second one that stays, where it is, is a particle. Returns by
-    how much that changes the speed."""
+def nudge(b: Any, k: Any, motion: Any, c: Any, speed: Any, who: Any) -> Any:
+    """Bring the two of a contact to separate at a speed, or one of them. Returns by how much that changes the speed."""
     e, i, j = k.rows[c, 0], k.first[c], k.second[c]
     m = motion.apart[i]
     u = e[0] * m[0] + e[1] * m[1] + e[2] * m[2] + e[3] * m[3] + e[4] * m[4] + e[5] * m[5]
     if j != WORLD:
         o = motion.apart[j]
         u -= e[0] * o[0] + e[1] * o[1] + e[2] * o[2] + e[6] * o[3] + e[7] * o[4] + e[8] * o[5]
-    had = k.impulse[c, 3]
-    mass = 1 / (1 / e[15] - b.w[j]) if stays else e[15]
+    had, mass = k.impulse[c, 3], e[15]
+    if who == FIRST:
+        mass = 1 / (1 / e[15] - b.w[j])
+    elif who == SECOND:
+        mass = 1 / b.w[j] if b.w[j] > 0 else 0.0
     press = max(had - mass * (u - speed), 0.0)
     k.impulse[c, 3] = press
     size = press - had
-    for axis in range(3):
-        m[axis] += size * b.w[i] * e[axis]
-        m[3 + axis] += size * e[9 + axis]
-    if j != WORLD and not stays:
+    if who != SECOND:
+        for axis in range(3):
+            m[axis] += size * b.w[i] * e[axis]
+            m[3 + axis] += size * e[9 + axis]
+    if j != WORLD and who != FIRST:
         o = motion.apart[j]
         for axis in range(3):
             o[axis] -= size * b.w[j] * e[axis]
             o[3 + axis] -= size * e[12 + axis]
-    return abs(size) / mass
+    return abs(size) / mass if mass > 0 else 0.0
