@@ -130,6 +130,42 @@ def test_what_falls_on_grains_comes_to_rest_on_them_and_gains_nothing(e: float, 
     assert np.abs(result.final["velocity"]).max() < 1e-3
 
 
+@pytest.mark.parametrize("h", [H, 4e-3])
+@pytest.mark.parametrize("e", [1.0, 0.5])
+def test_a_plank_rebounds_from_grains_on_a_floor_as_from_the_floor(e: float, h: float) -> None:
+    # It comes half a radius in the longer step. Its height is known to second order in g h/v.
+    given = scene(e, bodies=[box(2 * R + HALF + 0.1, restitution=e)], friction=0.0)
+    places, _ = way(1, 0.4, h, "velocity_verlet", **given)
+    rises = np.diff(places[:, -1, 1]) > 0
+    apex = (places[1:, -1, 1][rises] - (2 * R + HALF)).max()
+    v = np.sqrt(2 * G * 0.1)
+    assert apex == pytest.approx(0.1 * e * e, rel=4 * (G * h / v) ** 2 + 1e-5)
+
+
+@pytest.mark.parametrize("density", [1e3, 2e4])
+def test_a_box_that_comes_down_on_an_edge_gains_nothing(density: float) -> None:
+    turned = {"axis": [1, 0, 1], "angle": 20}
+    given = scene(0.0, bodies=[box(0.12, density=density, orientation=turned)])
+    result = simulate(0.4, H, output={"every": 1, "ledger": True}, **given)
+    found = sum(np.array(result.ledger[name]) for name in ("kinetic", "potential.gravity"))
+    assert np.diff(found).max() < 2e-5 * found[0]
+    assert result.missed_crossings == 0
+
+
+def test_grains_may_die_below_a_box() -> None:
+    # All of a group die in one step, in which it lies on them.
+    trap = {
+        "name": "trap",
+        "type": "box",
+        "center": [0, 0, 0],
+        "size": [0.4, 0.02, 0.4],
+        "contact": "kill",
+        "on": ["sand"],
+    }
+    result = simulate(0.1, H, **scene(planes=[], colliders=[trap]))
+    assert len(result.final["position"]) == 1
+
+
 def test_a_floor_that_moves_takes_grains_and_what_lies_on_them_along() -> None:
     floor = {"name": "floor", "type": "plane", "point": [0, 0, 0], "normal": [0, 1, 0], "restitution": 0.0}
     lift = {"collider": "floor", "path": ["0", "0.1*t", "0"]}

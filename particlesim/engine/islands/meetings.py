@@ -235,12 +235,12 @@ class Meetings:
         x, v, turning = np.zeros((3, 3, number))
         first = 0
         for (state, _), mine in zip(self._there, rows, strict=True):
-            there = mine >= 0
-            part, mine = first + np.flatnonzero(there), mine[there]
-            x[:, part], v[:, part] = state.x[:, mine], state.v[:, mine]
+            there = np.flatnonzero(mine >= 0)  # others have died
+            at, now = first + there, mine[there]
+            x[:, at], v[:, at] = state.x[:, now], state.v[:, now]
             if SPIN in state.parts:
-                turning[:, part] = state.angular_velocity[:, mine]
-            first += len(there)
+                turning[:, at] = state.angular_velocity[:, now]
+            first += len(mine)
         here = np.concatenate([np.empty(0, np.int64), *rows]) >= 0
         here &= self._slow  # others may have left since
         found = self._bodies.hold_guests(x, v, turning, here.astype(np.int64)) if number else None
