@@ -50,19 +50,19 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
                 count += 1
     if count == 0:
         return False
-    part, turns = 1.0, MOST_PUSHES
-    if lifts:
-        # Lifted far, bodies come to what they do not overlap with yet.
-        for c in range(k.number[0]):
-            over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
-            if k.second[c] < guests.first and k.names[0, c] != GUEST and not over > 0:
-                k.order[count], k.before[c, 0], k.before[c, 1] = c, over / h, BOTH
-                count += 1
-        sweep_apart(b, k, motion, joints, count, turns, part)
-        costs, pays = lifting(motion, guests.first, h), max(taken(b, k, motion, h), 0.0)
-        part = 1.0 if costs <= pays else max(pays / costs, LIFT)
-    if part < 1 or not lifts:
-        sweep_apart(b, k, motion, joints, count, turns if lifts else PUSHES, part)
+    if guests is None or not lifts:
+        sweep_apart(b, k, motion, joints, count, PUSHES, 1.0)
+        return True
+    # Lifted far, bodies come to what they do not overlap with yet.
+    for c in range(k.number[0]):
+        over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
+        if k.second[c] < guests.first and k.names[0, c] != GUEST and k.turns[c] == 0 and not over > 0:
+            k.order[count], k.before[c, 0], k.before[c, 1] = c, over / h, BOTH
+            count += 1
+    sweep_apart(b, k, motion, joints, count, MOST_PUSHES, 1.0)
+    costs, pays = lifting(motion, guests.first, h), max(taken(b, k, motion, h), 0.0)
+    if costs > pays:
+        sweep_apart(b, k, motion, joints, count, MOST_PUSHES, max(pays / costs, LIFT))
     return True
 
 
