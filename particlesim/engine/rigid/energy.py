@@ -100,7 +100,7 @@ def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
             continue  # a guest that nothing moves
         had, was = 0.0, motion.start[i]
         for axis in range(3):
-            had += 0.5 / b.w[i] * was[axis] * was[axis]
+            had += 0.5 * (1 / b.w[i]) * was[axis] * was[axis]
         gain[root(parent, i)] += gained_by(b, motion, i, h) - NOISE * had
     for c in range(k.number[0]):
         gain[root(parent, k.first[c])] -= of_time(b, k, motion, c, h)
