@@ -45,28 +45,28 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
                 who = FIRST if presses(k, c) else SECOND
                 over += way_on(b, k, motion, c, h) if who == FIRST and not k.late[0, c] > 0 else 0.0
             if over > 0:
-                k.order[count], k.before[c, 0], k.before[c, 1] = c, over / h, who
+                k.order[count], k.before[c, 0], k.before[c, 1] = c, over, who
                 lifts = lifts or who == FIRST
                 count += 1
     if count == 0:
         return False
     if guests is None or not lifts:
-        sweep_apart(b, k, motion, joints, count, PUSHES, 1.0)
+        sweep_apart(b, k, motion, joints, count, PUSHES, 1.0, h)
         return True
     # Lifted far, bodies come to what they do not overlap with yet.
     for c in range(k.number[0]):
         over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
         if k.second[c] < guests.first and k.names[0, c] != GUEST and k.turns[c] == 0 and not over > 0:
-            k.order[count], k.before[c, 0], k.before[c, 1] = c, over / h, BOTH
+            k.order[count], k.before[c, 0], k.before[c, 1] = c, over, BOTH
             count += 1
-    sweep_apart(b, k, motion, joints, count, MOST_PUSHES, 1.0)
+    sweep_apart(b, k, motion, joints, count, MOST_PUSHES, 1.0, h)
     costs, pays = lifting(motion, guests.first, h), max(taken(b, k, motion, h), 0.0)
     if costs > pays:
-        sweep_apart(b, k, motion, joints, count, MOST_PUSHES, max(pays / costs, LIFT))
+        sweep_apart(b, k, motion, joints, count, MOST_PUSHES, max(pays / costs, LIFT), h)
     return True
 
 
-def sweep_apart(b: Any, k: Any, motion: Any, joints: Any, count: Any, turns: Any, part: Any) -> None:
+def sweep_apart(b: Any, k: Any, motion: Any, joints: Any, count: Any, turns: Any, part: Any, h: Any) -> None:
     """Find velocities that take away the overlap of the first `count` contacts of `k.order`: `PART` of it, and another part
     where the second one stays where it is."""
     for i in range(b.w.size):
@@ -81,8 +81,8 @@ def sweep_apart(b: Any, k: Any, motion: Any, joints: Any, count: Any, turns: Any
             c = k.order[count - 1 - place_in if turn % 2 == 1 else place_in]
             most = k.before[c, 0]
             takes = part if k.before[c, 1] == FIRST else (PART if most > 0 else 1.0)
-            changed = nudge(b, k, motion, c, takes * most, k.before[c, 1])
-            going = going or changed > APART * part * abs(most)
+            changed = nudge(b, k, motion, c, takes * most / h, k.before[c, 1])
+            going = going or changed > APART * part * abs(most) / h
             if joints is not None and k.braced[c] > 0:
                 level_there(b, k, joints, motion.apart, motion.other, c)
         for cluster in range(motion.clusters[0]):
