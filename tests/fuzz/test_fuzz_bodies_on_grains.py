@@ -1,0 +1,12 @@
+"""A part of the fuzz of bodies on grains; `fuzz_bodies_on_grains.py` does as much as it is asked."""
+
+from __future__ import annotations
+
+import pytest
+from fuzz.fuzz_bodies_on_grains import broken_rules, draw, worst_of
+
+
+@pytest.mark.parametrize("number", [12, 14])
+def test_no_body_sinks_into_grains_and_nothing_gains_energy(number: int) -> None:
+    scenario, name = draw(number, duration=0.3)
+    assert broken_rules(worst_of(scenario)) == [], name
