@@ -166,6 +166,15 @@ def test_grains_may_die_below_a_box() -> None:
     assert len(result.final["position"]) == 1
 
 
+def test_grains_that_stick_to_the_floor_carry_a_box() -> None:
+    # They stick in the first step, in which the box falls by g h²/2.
+    between = {"type": "contact", "between": ["sand", "box"], "model": "impulse"}
+    mud = {"contact": "stick", "on": ["sand"]}
+    places, speeds = way(300, 0.3, H, "velocity_verlet", **scene(planes=[mud], interactions=[between]))
+    assert np.abs(places[-1] - places[0]).max() < 1e-6
+    assert np.abs(speeds[-1]).max() < 1e-6
+
+
 def test_a_floor_that_moves_takes_grains_and_what_lies_on_them_along() -> None:
     floor = {"name": "floor", "type": "plane", "point": [0, 0, 0], "normal": [0, 1, 0], "restitution": 0.0}
     lift = {"collider": "floor", "path": ["0", "0.1*t", "0"]}

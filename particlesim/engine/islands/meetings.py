@@ -227,15 +227,13 @@ class Meetings:
     def _hold(self) -> None:
         """Particles that lie on bodies get the velocities that contact has aimed at, as far as what they did since then
         came otherwise than expected."""
-        from particlesim.engine.rigid.loads import rows_of
-
         assert self._bodies is not None
-        rows = [rows_of(state, ids) for state, ids in self._there]
+        rows = [_moving(state, ids) for state, ids in self._there]
         number = sum(len(each) for each in rows)
         x, v, turning = np.zeros((3, 3, number))
         first = 0
         for (state, _), mine in zip(self._there, rows, strict=True):
-            there = np.flatnonzero(mine >= 0)  # others have died
+            there = np.flatnonzero(mine >= 0)
             at, now = first + there, mine[there]
             x[:, at], v[:, at] = state.x[:, now], state.v[:, now]
             if SPIN in state.parts:
@@ -279,6 +277,16 @@ class Meetings:
         """The work that contact has done on groups of particles which rods hold [J], where that is booked."""
         books = (self._islands[name].books for name in self._held)
         return [each.work_of("contact") for each in books if each is not None]
+
+
+def _moving(state: GroupState, ids: Ints) -> Ints:
+    """Where particles are in their group now, −1 for those that have died, or are held since."""
+    from particlesim.engine.rigid.loads import rows_of
+
+    rows = rows_of(state, ids)
+    if state.clocked and state.count:
+        rows = np.where(np.isfinite(state.start[rows]), rows, -1)
+    return rows
 
 
 def _bodies_among(islands: Sequence[BaseIsland]) -> RigidIsland:
