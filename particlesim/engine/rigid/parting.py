@@ -13,6 +13,7 @@ from particlesim.engine.rigid.bodies import GUEST, WORLD
 from particlesim.engine.rigid.braced import level_there
 from particlesim.engine.rigid.contact_rows import presses
 from particlesim.engine.rigid.energy import taken
+from particlesim.engine.rigid.joints import component_of
 from particlesim.engine.rigid.solver import level_all
 from particlesim.engine.rigid.support import CARRIED, note_carried
 from particlesim.engine.rigid.timing import kick_along
@@ -23,16 +24,16 @@ PUSHES, MOST_PUSHES = 12, 400
 """Sweeps that push apart; where all of an overlap is to be taken away, at most."""
 APART = 1e-3
 """Change of a speed that ends them then, as a part of it."""
-PART, LIFT = 0.2, 0.01
-"""Part of an overlap that is taken away in a step; and with a particle that is carried, at least."""
+PART, LIFT = 0.2, 0.05
+"""Part of an overlap that is taken away in a step; and part of that, at least, where energy has to pay for it."""
 
 
 @shared
 def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any, h: Any) -> bool:
     """Velocities, into `apart`, that take away a part of what overlaps; whether there are any. Particles among bodies move
-    apart from each other, and from colliders, in their own step; those that are carried do not give way to what presses
-    them, which is put back as far as the energy pays for that which impulses have taken in this step. Others do not move
-    bodies that do not press them."""
+    apart from each other, and from colliders, in their own step. Those that are carried do not give way to a body without
+    joints that presses them: it is put back as far as the energy pays for that which impulses have taken in this step, by
+    what it has gone on in the step, too; and they do not move one that does not press them."""
     count, lifts = 0, False
     if guests is not None:
         note_carried(guests, k)
@@ -41,9 +42,11 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
             m = -1 if guests is None else k.second[c] - guests.first
             carried, who = m >= 0 and guests.crowd.rests[m] == CARRIED, BOTH
             over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
-            if carried:
+            if carried and (joints is None or component_of(joints, k.first[c]) < 0):
                 who = FIRST if presses(k, c) else SECOND
-                over += way_on(b, k, motion, c, h) if who == FIRST and not k.late[0, c] > 0 else 0.0
+            if who == FIRST:
+                over = PART * over if over > 0 else over
+                over += way_on(b, k, motion, c, h) if not k.late[0, c] > 0 else 0.0
             if over > 0:
                 k.order[count], k.before[c, 0], k.before[c, 1] = c, over, who
                 lifts = lifts or who == FIRST
