@@ -44,6 +44,8 @@ LIES, CARRIED, BESIDE = 1, 2, 3
 """What `rests` is of a particle that may lie on something, is carried by that in this step, and touches a body."""
 AROUND = 27
 """A cube of the grid and those beside it."""
+MIDDLE = AROUND // 2
+"""The number of that cube."""
 
 
 class Support(NamedTuple):
@@ -125,10 +127,6 @@ def is_in(cells: Any, o: Any, i: Any, number: Any) -> bool:
     return bool((cells.cube[0, o] == a) & (cells.cube[1, o] == b) & (cells.cube[2, o] == c))
 
 
-MIDDLE = AROUND // 2
-"""The number of the cube of the particle itself."""
-
-
 @outlined
 def sort_in(cells: Any, x: Any, may: Any) -> None:
     """Put the particles at x [3, n] that `may` be met [n] into cells."""
@@ -180,18 +178,18 @@ def find_support(guests: Any, b: Any, k: Any, t: Any, h: Any) -> None:
     body hits on its way is between it and colliders, too. What does not await anything gets no force of its own."""
     s, crowd, count = guests.support, guests.crowd, 0
     for m in range(guests.radius.size):
-        lies = crowd.stands[m] > 0 and guests.alone[m] == 0 and guests.when[m] == 0
+        lies = crowd.stands[m] > 0 and guests.alone[m] == 0 and crowd.hit[m] < 0
         crowd.rests[m], crowd.linked[m] = LIES if lies else 0, 0
         if lies:
             guests.awaits[m] = 1
             count += 1
         for axis in range(3):
-            crowd.pull[axis, m] = guests.pull[axis, m]
+            crowd.pull[axis, m], crowd.borne[axis, m] = guests.pull[axis, m], 0.0
             if guests.awaits[m] == 0:
                 guests.other[axis, m] = 0.0
     for wall in s.walls:
         for m in range(guests.radius.size):
-            here = crowd.rests[m] > 0 or guests.when[m] != 0
+            here = crowd.rests[m] > 0 or crowd.hit[m] >= 0
             if here and wall.on[guests.kind[m]] > 0 and b.w[guests.first + m] > 0:
                 on_wall(wall, guests, b, k, m, t, h)
     if count == 0:
@@ -284,9 +282,6 @@ def note_weights(guests: Any, b: Any, k: Any, h: Any) -> None:
     """Note what of the kick of a step of h presses guests onto colliders that carry them, which will take it back in their
     own step: there it would first take them into the collider."""
     borne = guests.crowd.borne
-    for m in range(guests.radius.size):
-        for axis in range(3):
-            borne[axis, m] = 0.0
     for c in range(k.number[0]):
         m = k.first[c] - guests.first
         if m >= 0 and k.second[c] == WORLD and presses(k, c):
