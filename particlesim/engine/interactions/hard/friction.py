@@ -128,7 +128,7 @@ def roll_pair(each: Any, c: Any, k: Any, q: Any) -> None:
     """Turn both of pair k by rolling friction q [m/s]."""
     i, j = each.bench.rows[0, k], each.bench.rows[1, k]
     mine, other = rolling_arms(each, c, k)
-    if (mine <= 0) | (other <= 0):
+    if (mine <= 0) != (other <= 0):
         book_rolling(each, c, k, q)
     spin_up(c, i, mine, q)
     spin_up(c, j, -other, q)

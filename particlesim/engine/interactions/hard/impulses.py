@@ -55,6 +55,7 @@ from particlesim.engine.interactions.hard.memory import (
     note_speeds,
     recall,
     remember,
+    restart,
     start,
     take_back,
     there_is,
@@ -281,6 +282,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         note_speeds(each, c)
         if recall(each, c, walls):
             start(each, c, walls)
+            restart(each, c, walls)
         turn, going, rough, small = 0, True, True, ROUGHLY_SETTLED / SETTLED * float(calm)
         while going & ((turn < TURNS) | (rough & (turn < MOST_TURNS))):
             worst, squares = give_impulses(each, c, turn % 2)

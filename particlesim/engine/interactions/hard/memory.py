@@ -45,8 +45,8 @@ from particlesim.engine.interactions.interaction import Ints
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.rubbing import STILL
 
-ROUNDING = 1e-12
-"""What may be added, as a part of what all impulses would add one by one."""
+ROUNDING, UNNOTICED = 1e-12, 1e-3
+"""What may be added, as a part of what all impulses would add one by one: by a start, and in all, as far as turns find them."""
 
 
 class Known(NamedTuple):
@@ -293,13 +293,11 @@ def start(each: Any, c: Any, walls: Any) -> None:
 
 
 @outlined
-def take_back(each: Any, c: Any, before: Any, walls: Any, h: Any) -> None:
-    """Scale impulses in clusters to which they have added energy."""
+def sum_gains(each: Any, c: Any) -> None:
+    """Sum up, in each cluster, what impulses have added to the energy of motion, and what all would add one by one."""
     mark, s, cluster = each.bench.mark, each.bench.start, each.bench.desk.cluster
-    book_moves(each, c, before, h)
     for i in range(mark.size):
         if (mark[i] & PAIRED) != 0:
-            s[WORK, i] += max(s[GAIN, i], 0.0)
             s[GAIN, i] = s[SQUARE, i] = 0.0
     for i in range(mark.size):
         if ((mark[i] & PAIRED) != 0) & (each.a[i] > 0):
@@ -316,23 +314,55 @@ def take_back(each: Any, c: Any, before: Any, walls: Any, h: Any) -> None:
                     square += inertia * change * change
             s[GAIN, at] += m * gain
             s[SQUARE, at] += m * square
-    some = False
-    for i in range(mark.size):  # of those that stand for a cluster: the part of impulses that stays
+
+
+@outlined
+def restart(each: Any, c: Any, walls: Any) -> None:
+    """Scale what clusters begin with to that which takes most energy, where it adds some: what has pushed back is gone."""
+    mark, s, some = each.bench.mark, each.bench.start, False
+    sum_gains(each, c)
+    for i in range(mark.size):
         if (mark[i] & PAIRED) != 0:
             gain, square = s[GAIN, i] - s[WORK, i], s[SQUARE, i]
             adds = gain > ROUNDING * square
+            s[GAIN, i] = max(0.5 - gain / square, 0.0) if adds else 1.0
+            s[WORK, i] *= s[GAIN, i]
+            some = some | adds
+    if some:
+        scale_clusters(each, c, walls)
+
+
+@outlined
+def take_back(each: Any, c: Any, before: Any, walls: Any, h: Any) -> None:
+    """Scale impulses in clusters to which they have added energy."""
+    mark, s, some = each.bench.mark, each.bench.start, False
+    book_moves(each, c, before, h)
+    for i in range(mark.size):
+        if (mark[i] & PAIRED) != 0:
+            s[WORK, i] += s[GAIN, i]
+    sum_gains(each, c)
+    for i in range(mark.size):  # of those that stand for a cluster: the part of impulses that stays
+        if (mark[i] & PAIRED) != 0:
+            gain, square = s[GAIN, i] - s[WORK, i], s[SQUARE, i]
+            adds = gain > UNNOTICED * square
             s[GAIN, i] = max(1.0 - 2.0 * gain / square, 0.0) if adds else 1.0
             some = some | adds
     if some:
-        for i in range(mark.size):
-            if ((mark[i] & PAIRED) != 0) & (each.a[i] > 0):
-                scale_speeds(c, i, s, s[GAIN, root(cluster, i)])
-        bench, pairs = each.bench, each.report[COUNT]
-        for k in range(pairs):
-            i, j = bench.rows[0, k], bench.rows[1, k]
-            scale(bench, k, s[GAIN, root(cluster, i if each.a[i] > 0 else j)])
-        for q in range(walls):
-            scale(bench, pairs + q, s[GAIN, root(cluster, bench.wall[q])])
+        scale_clusters(each, c, walls)
+
+
+@outlined
+def scale_clusters(each: Any, c: Any, walls: Any) -> None:
+    """Leave of the impulses of each cluster the part that `GAIN` tells of the particle that stands for it."""
+    bench, s, cluster, pairs = each.bench, each.bench.start, each.bench.desk.cluster, each.report[COUNT]
+    for i in range(bench.mark.size):
+        if ((bench.mark[i] & PAIRED) != 0) & (each.a[i] > 0):
+            scale_speeds(c, i, s, s[GAIN, root(cluster, i)])
+    for k in range(pairs):
+        i, j = bench.rows[0, k], bench.rows[1, k]
+        scale(bench, k, s[GAIN, root(cluster, i if each.a[i] > 0 else j)])
+    for q in range(walls):
+        scale(bench, pairs + q, s[GAIN, root(cluster, bench.wall[q])])
 
 
 @outlined

@@ -262,7 +262,7 @@ def give_pair(each: Any, c: Any, k: Any, dx: Any, dy: Any, dz: Any) -> None:
     """Change the velocity of the first of pair k relative to the second [m/s]."""
     bench, i, j = each.bench, each.bench.rows[0, k], each.bench.rows[1, k]
     mine, other = bench.normal[PARTS, k], bench.normal[PARTS + 1, k]
-    if (mine <= 0) | (other <= 0):
+    if (mine <= 0) != (other <= 0):
         book_work(each, c, k, dx, dy, dz)
     give(c, i, mine, dx, dy, dz)
     give(c, j, -other, dx, dy, dz)
