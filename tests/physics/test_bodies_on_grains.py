@@ -124,10 +124,12 @@ def test_what_falls_on_grains_comes_to_rest_on_them_and_gains_nothing(e: float, 
     given = scene(e, bodies=[box(2 * R + HALF + 0.01, density=3e3, velocity=[0, -speed, 0], restitution=e)])
     result = simulate(0.5, H, output={"every": 1, "ledger": True}, **given)
     found = sum(np.array(result.ledger[name]) for name in ("kinetic", "potential.gravity"))
-    assert np.diff(found).max() < 2e-5 * found[0]
+    assert np.diff(found).max() < 1e-5 * found[0]
     assert result.missed_crossings == 0
     assert np.array(result.final["position"])[:, 1] == pytest.approx([*9 * [R], 2 * R + HALF], abs=2e-5)
-    assert np.abs(result.final["velocity"]).max() < 1e-3
+    speeds = np.abs(result.final["velocity"])
+    assert speeds[:, 1].max() < 1e-6
+    assert speeds.max() < 0.01  # along the floor it rolls on, with what is left of 2 m/s
 
 
 @pytest.mark.parametrize("h", [H, 4e-3])
@@ -148,7 +150,7 @@ def test_a_box_that_comes_down_on_an_edge_gains_nothing(density: float) -> None:
     given = scene(0.0, bodies=[box(0.12, density=density, orientation=turned)])
     result = simulate(0.4, H, output={"every": 1, "ledger": True}, **given)
     found = sum(np.array(result.ledger[name]) for name in ("kinetic", "potential.gravity"))
-    assert np.diff(found).max() < 2e-5 * found[0]
+    assert np.diff(found).max() < 1e-5 * found[0]
     assert result.missed_crossings == 0
 
 

@@ -13,10 +13,10 @@ from particlesim.engine.rigid.contact_rows import speed_along
 from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.stops import MOTOR, turn_rate
 
-LIES = -1.0
-"""In place of the time at which a kick counts as given: not at all, as the body lies on something."""
 NOISE = 2.0**-40
 """The part of the energy of motion that a gain may be by rounding."""
+UNNOTICED = 1e-3
+"""What impulses that have been found may add, as a part of what all of them would add one by one."""
 
 
 def keep(now: Any, gained: Any, copy: Any) -> None:
@@ -53,9 +53,7 @@ def of_time(b: Any, k: Any, motion: Any, c: Any, h: Any) -> float:
         for d in range(3):
             total += k.rows[c, d, axis] * k.impulse[c, d]
         away += total * (motion.pull[i, axis] * b.w[i] - motion.pull[j, axis] * b.w[j])
-    if k.late[2, c] == LIES:
-        away = 0.0
-    return (0.5 * h - k.late[2, c]) * away - k.late[0, c] * k.late[1, c] * k.impulse[c, 0]
+    return (0.5 * h - abs(k.late[2, c])) * away - k.late[3, c] * k.late[1, c] * k.impulse[c, 0]
 
 
 def gained_by(b: Any, motion: Any, i: Any, h: Any) -> float:
@@ -117,11 +115,48 @@ def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
     return gained
 
 
-# ---- clusters whose impulses were not found
+# ---- clusters that gain from nothing
+#
+# What parts with a speed w before forces turn it around, and is stopped by an impulse P then, has half of the kick less to
+# fall from higher: it gains P w/2. Clusters that would gain by that let it come back as fast as it has left.
 #
 # Impulses that have been found have P·(u − s) ≤ 0 with the velocities u that they give and those that they are to give, s:
 # what presses does so with u = s, and friction acts against sliding. What P·(u − s) is above that is energy from nothing, as
 # far as there is a gain at all.
+
+
+@outlined
+def let_back(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> bool:
+    """Where a cluster without rebounds gains energy in a step of h, let what has parted in it come back as fast; whether
+    there is some. Surfaces that run and motors may give energy."""
+    found, rebounds = False, False
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        rebounds = rebounds or k.target[k.order[at]] > 0
+    if rebounds or is_driven(k, motion, cluster):
+        return False
+    gain, bend, _ = account(b, k, motion, cluster, h)
+    if gain > UNNOTICED * 2 * bend:
+        for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+            c = k.order[at]
+            before = parted(b, k, motion, c, h) if k.turns[c] == 0 and k.impulse[c, 0] > 0 else 0.0
+            if -before < k.target[c]:
+                k.target[c], found = -before, True
+    return found
+
+
+def parted(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:
+    """How fast both of a contact part before the kick of a step of h."""
+    e, i, j = k.rows[c, 0], k.first[c], k.second[c]
+    m, f = motion.start[i], motion.pull[i]
+    u = 0.0
+    for axis in range(3):
+        u += e[axis] * (m[axis] - h * b.w[i] * f[axis]) + e[3 + axis] * m[3 + axis] - h * e[9 + axis] * f[3 + axis]
+    if j != WORLD:
+        m, f = motion.start[j], motion.pull[j]
+        for axis in range(3):
+            u -= e[axis] * (m[axis] - h * b.w[j] * f[axis])
+            u -= e[6 + axis] * m[3 + axis] - h * e[12 + axis] * f[3 + axis]
+    return u
 
 
 @outlined
@@ -145,9 +180,9 @@ def is_driven(k: Any, motion: Any, cluster: Any) -> bool:
 
 
 @outlined
-def bearable(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
-    """The largest part of the impulses of a cluster with which it gains nothing from nothing."""
-    gain = bend = had = wrong = 0.0
+def account(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> Any:
+    """What a cluster gains in a step of h, what its impulses alone would, and the energy of motion that it has had [J]."""
+    gain = bend = had = 0.0
     for at in range(motion.body_from[cluster], motion.body_from[cluster + 1]):
         i = motion.bodies[at]
         if b.w[i] > 0:  # a guest that is held does not move
@@ -161,6 +196,13 @@ def bearable(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
             gain -= against_forces(motion, i, h)
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         gain -= of_time(b, k, motion, k.order[at], h)
+    return gain, bend, had
+
+
+def bearable(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
+    """The largest part of the impulses of a cluster with which it gains nothing from nothing."""
+    gain, bend, had = account(b, k, motion, cluster, h)
+    wrong = 0.0
     if not gain > NOISE * had:
         return 1.0
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):

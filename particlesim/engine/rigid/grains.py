@@ -49,6 +49,8 @@ NEAR = 1e-6
 """Distance that counts as touching, in units of the smallest size of a piece."""
 FAST = 0.5
 """Way relative to a body in a step, in radii, from which on it matters whom else a particle meets first."""
+ROUNDING = 1e-12
+"""Part of an energy of rotation that rounding makes."""
 LEFT = 0.01
 """The part of the overlap that bodies are left which guests are."""
 
@@ -393,14 +395,24 @@ def turn_back(b: Any, k: Any, c: Any, when: Any) -> None:
         z += part * k.rows[c, d, 11]
     p = times((0.0, x, y, z), q)
     q = normalised((q[0] + p[0], q[1] + p[1], q[2] + p[2], q[3] + p[3]))
-    b.turn[0, i], b.turn[1, i], b.turn[2, i], b.turn[3, i] = q
+    if not energy_at(b, i, q) > (1 + ROUNDING) * energy_at(b, i, orientation(b, i)):
+        b.turn[0, i], b.turn[1, i], b.turn[2, i], b.turn[3, i] = q
+
+
+def energy_at(b: Any, i: Any, q: Any) -> float:
+    """Twice the energy of rotation of a body with another orientation [J]."""
+    own = to_body(matrix(q), row(b.spin, i))
+    return own[0] ** 2 / b.inertia[0, i] + own[1] ** 2 / b.inertia[1, i] + own[2] ** 2 / b.inertia[2, i]
 
 
 @outlined
-def settle_guests(scene: Any, b: Any, k: Any) -> None:
+def settle_guests(scene: Any, b: Any, k: Any, h: Any) -> None:
     """Move bodies that are free to where they would be if impacts of guests had been at their times; note the same for
     guests."""
     guests = scene.guests
+    for c in range(k.number[0]):
+        if k.late[0, c] > 0:
+            guests.when[k.second[c] - guests.first] = k.late[3, c] - 0.5 * h
     for c in range(k.number[0]):
         guest, m = k.second[c], k.second[c] - guests.first
         if m >= 0 and guests.when[m] != 0:

@@ -273,7 +273,7 @@ def step_bodies(
             before = 0.0 if scene.work is None else energy_of(scene, b, motion, middle)
             held = part_overlaps(scene, b, k, motion, dt)
             if scene.guests is not None:
-                settle_guests(scene, b, k)
+                settle_guests(scene, b, k, dt)
                 note_weights(scene.guests, b, k, dt)
             if scene.work is not None:
                 velocities(b, motion)

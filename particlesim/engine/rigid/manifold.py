@@ -27,6 +27,9 @@ ROUND_FIRST = 1e-5
 """The same where what looks at it is round."""
 PARALLEL = 1e-6
 """Square of the sine below which edges count as parallel."""
+BESIDE = 0.03
+"""Square of the sine, that of 10 degrees, below which what is round lies along each other: nearest in one place, but at both
+ends of the stretch that they share by a little farther only."""
 AROUND = 16
 """Corners for the flat end of a cylinder or a cone."""
 MOST = 32
@@ -69,6 +72,8 @@ def convex_contacts(k: Any, p: Any, i: Any, j: Any, s: Any, o: Any, margin: Any,
             face_contacts(k, p, i, j, o, s, two, m_two, margin, code + OTHER, 1.0)
         elif along_each_other(k, p, i, j, s, o, n, margin, code):
             return
+        else:
+            begin += beside_each_other(k, i, j, s, o, margin, code)
     if k.number[0] == begin:
         # In the middle between both surfaces.
         gap = core - wide
@@ -292,3 +297,32 @@ def along_each_other(k: Any, p: Any, i: Any, j: Any, s: Any, o: Any, n: Any, mar
             at = (x[0] - back * n[0], x[1] - back * n[1], x[2] - back * n[2])
             add_contact(k, i, j, code + 2 + m, at, n, gap)
     return True
+
+
+@outlined
+def beside_each_other(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> int:
+    """Contacts at both ends of the stretch that two round pieces share which are nearly parallel; returns how many there
+    are."""
+    begin = k.number[0]
+    if (s.kind != CYLINDER and s.kind != CAPSULE) or (o.kind != CYLINDER and o.kind != CAPSULE):
+        return 0
+    u, w = to_world(s.r, (0.0, 0.0, s.size[1])), to_world(o.r, (0.0, 0.0, o.size[1]))
+    uu, ww, uw = dot(u, u), dot(w, w), dot(u, w)
+    if not uu * ww - uw * uw <= BESIDE * uu * ww:
+        return 0
+    # The stretch of the first axis beside the second: parts of its half.
+    d = less(o.x, s.x)
+    begins, ends = (dot(d, u) - uw) / uu, (dot(d, u) + uw) / uu
+    low, high = max(min(begins, ends), -1.0), min(max(begins, ends), 1.0)
+    for m in range(2 if low < high else 0):
+        part = low if m == 0 else high
+        x = (s.x[0] + part * u[0], s.x[1] + part * u[1], s.x[2] + part * u[2])
+        along = max(min(dot(less(x, o.x), w) / ww, 1.0), -1.0)
+        e = less(x, (o.x[0] + along * w[0], o.x[1] + along * w[1], o.x[2] + along * w[2]))
+        distance = np.sqrt(dot(e, e))
+        gap = distance - s.size[0] - o.size[0]
+        if gap < margin and distance > 0:
+            n, back = (e[0] / distance, e[1] / distance, e[2] / distance), s.size[0] + 0.5 * gap
+            at = (x[0] - back * n[0], x[1] - back * n[1], x[2] - back * n[2])
+            add_contact(k, i, j, code + 2 + m, at, n, gap)
+    return int(k.number[0] - begin)

@@ -19,7 +19,7 @@ import numpy as np
 from particlesim.bodies.pieces import BOX, CAPSULE, SPHERE
 from particlesim.compiler import on_stack, outlined, shared
 from particlesim.engine.rigid.bodies import add_contact, orientation, place, set_fall, set_surface
-from particlesim.engine.rigid.manifold import SPAN, convex_contacts
+from particlesim.engine.rigid.manifold import BESIDE, SPAN, convex_contacts
 from particlesim.engine.rigid.pieces import solid_of
 from particlesim.engine.rigid.rotation import dot, matrix, to_body, to_world
 
@@ -115,8 +115,8 @@ def core_core(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) ->
     t = clamped((dw + a * uw) / ww, -1.0, 1.0) if ww > 0 else 0.0
     a = clamped((t * uw - du) / uu, -1.0, 1.0) if uu > 0 else 0.0
     near_points(k, i, j, s, o, plus(p, a, u), plus(q, t, w), margin, code)
-    if uu > 0 and ww > 0 and slope <= PARALLEL * uu * ww:
-        # Side by side: both ends of the stretch that they share.
+    if uu > 0 and ww > 0 and slope <= BESIDE * uu * ww:
+        # Side by side: both ends of the stretch that they share, too.
         for end in range(2):
             a = 1.0 - 2.0 * end
             t = clamped((dw + a * uw) / ww, -1.0, 1.0)

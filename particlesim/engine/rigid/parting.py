@@ -24,8 +24,9 @@ PUSHES, MOST_PUSHES = 12, 400
 """Sweeps that push apart; where all of an overlap is to be taken away, at most."""
 APART = 1e-3
 """Change of a speed that ends them then, as a part of it."""
-PART, LIFT = 0.2, 0.05
-"""Part of an overlap that is taken away in a step; and part of that, at least, where energy has to pay for it."""
+PART, LIFT, UNNOTICED = 0.2, 0.2, 0.005
+"""Part of an overlap that is taken away in a step; part of that, at least, where energy has to pay for it and surfaces run;
+and what else may be unpaid, as a part of what forces give in a step."""
 
 
 @shared
@@ -53,25 +54,30 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
                 count += 1
     if count == 0:
         return False
-    if guests is None or not lifts:
-        sweep_apart(b, k, motion, joints, count, PUSHES, 1.0, h)
+    bodies, turns = b.w.size if guests is None else guests.first, PUSHES
+    if lifts:  # far, so that bodies come to what they do not overlap with yet
+        turns = MOST_PUSHES
+        for c in range(k.number[0]):
+            over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
+            if k.second[c] < bodies and k.names[0, c] != GUEST and k.turns[c] == 0 and not over > 0:
+                k.order[count], k.before[c, 0], k.before[c, 1] = c, over, BOTH
+                count += 1
+    sweep_apart(b, k, motion, joints, count, turns, 1.0, 1.0, h)
+    if guests is None:
         return True
-    # Lifted far, bodies come to what they do not overlap with yet.
-    for c in range(k.number[0]):
-        over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
-        if k.second[c] < guests.first and k.names[0, c] != GUEST and k.turns[c] == 0 and not over > 0:
-            k.order[count], k.before[c, 0], k.before[c, 1] = c, over, BOTH
-            count += 1
-    sweep_apart(b, k, motion, joints, count, MOST_PUSHES, 1.0, h)
-    costs, pays = lifting(motion, guests.first, h), max(taken(b, k, motion, h), 0.0)
+    costs = lifting(motion, bodies, h)
+    pays = max(taken(b, k, motion, h), 0.0) + UNNOTICED * falling(b, motion, bodies, h)
     if costs > pays:
-        sweep_apart(b, k, motion, joints, count, MOST_PUSHES, max(pays / costs, LIFT), h)
+        part = max(pays / costs, LIFT)
+        sweep_apart(b, k, motion, joints, count, turns, part if runs(k) else pays / costs, part, h)
     return True
 
 
-def sweep_apart(b: Any, k: Any, motion: Any, joints: Any, count: Any, turns: Any, part: Any, h: Any) -> None:
-    """Find velocities that take away the overlap of the first `count` contacts of `k.order`: `PART` of it, and another part
-    where the second one stays where it is."""
+def sweep_apart(
+    b: Any, k: Any, motion: Any, joints: Any, count: Any, turns: Any, lift: Any, part: Any, h: Any
+) -> None:
+    """Find velocities that take away the overlap of the first `count` contacts of `k.order`: a part of PART of it, and
+    another part, `lift`, where the second one stays where it is."""
     for i in range(b.w.size):
         for axis in range(6):
             motion.apart[i, axis] = 0.0
@@ -83,9 +89,9 @@ def sweep_apart(b: Any, k: Any, motion: Any, joints: Any, count: Any, turns: Any
         for place_in in range(count):
             c = k.order[count - 1 - place_in if turn % 2 == 1 else place_in]
             most = k.before[c, 0]
-            takes = part if k.before[c, 1] == FIRST else (PART if most > 0 else 1.0)
+            takes = lift if k.before[c, 1] == FIRST else (part * PART if most > 0 else 1.0)
             changed = nudge(b, k, motion, c, takes * most / h, k.before[c, 1])
-            going = going or changed > APART * part * abs(most) / h
+            going = going or changed > APART * max(lift, part) * abs(most) / h
             if joints is not None and k.braced[c] > 0:
                 level_there(b, k, joints, motion.apart, motion.other, c)
         for cluster in range(motion.clusters[0]):
@@ -100,6 +106,23 @@ def lifting(motion: Any, bodies: Any, h: Any) -> float:
         for axis in range(6):
             total -= h * motion.pull[i, axis] * motion.apart[i, axis]
     return total
+
+
+def falling(b: Any, motion: Any, bodies: Any, h: Any) -> float:
+    """Twice the energy that forces give so many bodies at rest in a step of h [J]."""
+    total = 0.0
+    for i in range(bodies):
+        for axis in range(3):
+            total += b.w[i] * (h * motion.pull[i, axis]) ** 2
+    return total
+
+
+def runs(k: Any) -> bool:
+    """Whether some surface runs, and gives energy anyway."""
+    found = False
+    for c in range(k.number[0]):
+        found = found or k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
+    return found
 
 
 def way_on(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:

@@ -25,7 +25,7 @@ from particlesim.engine.rigid.bodies import WORLD, row
 from particlesim.engine.rigid.braced import brace, level_there
 from particlesim.engine.rigid.clusters import gather, root
 from particlesim.engine.rigid.contact_rows import bounded, direct, speed_along, strike
-from particlesim.engine.rigid.energy import LIES, against_forces, gains, hold_back, keep, of_time
+from particlesim.engine.rigid.energy import against_forces, gains, hold_back, keep, let_back, of_time
 from particlesim.engine.rigid.equations import MOST_BODIES, STEEP
 from particlesim.engine.rigid.free import velocity_of
 from particlesim.engine.rigid.joints import level
@@ -40,6 +40,7 @@ from particlesim.engine.rigid.timing import (
     answered,
     find_carried,
     lean,
+    mean_time,
     restitution_at,
     speed_there,
     turned_around,
@@ -115,11 +116,14 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
         struck = before
         if k.late[0, c] > 0:
             # At that time of the step it is as fast as all that acts has made it by then, not as at the beginning.
-            lies = k.late[2, c] == LIES
+            lies = k.late[2, c] < 0
             kicked = before if lies else now
             struck = before + k.late[0, c] * own + (0.0 if lies else k.late[2, c] * (now - before) / h)
             e = restitution_at(k, c, -struck)
             rebound = kicked - answered(e, k.late[3, c] * k.rows[c, 0, 15]) * struck
+            mean = mean_time(k.late[0, c], struck, now, h) if not (quick and k.surface[0, c] > 0) else k.late[0, c]
+            k.late[2, c] = mean if abs(k.late[2, c]) == k.late[0, c] else abs(k.late[2, c])
+            k.late[3, c] = mean
         elif lies_under or (k.second[c] == WORLD and 0 < e < 1):
             rebound = max(turned_around(before, free, gap, e, h), -room)
         hits = meets and quick and k.turns[c] == 0
@@ -181,6 +185,9 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
     keep(motion.now, motion.gained, motion.start)
     recall(b, k, motion, memory)
     relax_all(b, k, motion, joints)
+    for cluster in range(motion.clusters[0]):
+        if let_back(b, k, motion, cluster, h):
+            relax(b, k, motion, joints, cluster)
     rebounds = False
     for c in range(k.number[0]):
         rebounds = rebounds or (k.target[c] > 0 and k.turns[c] == 0)

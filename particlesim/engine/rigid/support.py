@@ -40,6 +40,8 @@ TOUCH = 0.01
 """Gap up to which particles lie on each other, or on a collider, as a part of the smaller radius."""
 SLOW = 0.1
 """Way in a step up to which a particle lies on what it touches, as a part of its radius."""
+NEAR = 1e-9
+"""Gap that counts as none, as a part of the radius."""
 LIES, CARRIED, BESIDE = 1, 2, 3
 """What `rests` is of a particle that may lie on something, is carried by that in this step, and touches a body."""
 AROUND = 27
@@ -219,10 +221,18 @@ def on_wall(wall: Any, guests: Any, b: Any, k: Any, m: Any, t: Any, h: Any) -> N
             set_wall(wall, k, number, t)
             name_contact(k, number, GUEST, GUEST - 1 - wall.number)
             crowd.linked[m] = 1
-            if crowd.hit[m] >= 0:
+            if crowd.hit[m] >= 0 and is_pressed(wall, guests, b, k, m, t, h):
                 hold_back(crowd, k, m, n)
             if friction > 0:
                 roll_on(b, k, number, friction, radius, spin_of(wall.shape))
+
+
+def is_pressed(wall: Any, guests: Any, b: Any, k: Any, m: Any, t: Any, h: Any) -> bool:
+    """Whether a guest would be in a collider at the time at which a body hits it."""
+    crowd, when, i = guests.crowd, k.late[0, guests.crowd.hit[m]], guests.first + m
+    at = plus(plus(row(crowd.began, m), when, row(b.v, i)), 0.5 * when * when, row(crowd.pull, m))
+    radius = guests.radius[m]
+    return bool(gap(wall.shape, probe(at, radius, t - 0.5 * h + when)) < NEAR * radius)
 
 
 def hold_back(crowd: Any, k: Any, m: Any, n: Any) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.bodies import WORLD
 from particlesim.engine.rigid.contact_rows import speed_along
-from particlesim.engine.rigid.energy import LIES
+from particlesim.engine.rigid.narrow import clamped
 
 RESTING = 2.0
 """A contact rebounds only if it approaches faster than this many times the speed that forces give in a step."""
@@ -33,7 +33,7 @@ def lean(b: Any, k: Any, motion: Any, h: Any) -> None:
                     motion.low[k.second[c]] = 1.0
         for c in range(k.number[0]):
             if motion.low[k.first[c]] > 0 and k.late[0, c] > 0:
-                k.late[2, c] = LIES
+                k.late[2, c] = -k.late[2, c]
 
 
 def kick_along(b: Any, k: Any, motion: Any, c: Any, second: Any, h: Any) -> Any:
@@ -50,7 +50,7 @@ def find_carried(b: Any, k: Any, motion: Any, h: Any) -> None:
     forces back. `target` still has the speeds before it."""
     hit = False
     for c in range(k.number[0]):
-        hit |= rebounds_from_body(k, c) and k.target[c] < 0
+        hit |= rebounds_from_body(b, k, c) and k.target[c] < 0
     for i in range(b.w.size if hit else 0):
         motion.bend[i] = 0.0
     for c in range(k.number[0] if hit else 0):
@@ -63,16 +63,16 @@ def find_carried(b: Any, k: Any, motion: Any, h: Any) -> None:
                 motion.bend[k.second[c]] = 1.0
     for c in range(k.number[0]):
         k.late[3, c] = 0.0 if not k.late[0, c] > 0 else k.late[3, c]
-        if hit and rebounds_from_body(k, c) and motion.bend[k.first[c]] != motion.bend[k.second[c]]:
+        if hit and rebounds_from_body(b, k, c) and motion.bend[k.first[c]] != motion.bend[k.second[c]]:
             second = motion.bend[k.second[c]] > 0
             kick = kick_along(b, k, motion, c, second, h)
             k.late[3, c] = kick if second else -kick
 
 
-def rebounds_from_body(k: Any, c: Any) -> bool:
-    """Whether a contact is one of two bodies with some rebound."""
+def rebounds_from_body(b: Any, k: Any, c: Any) -> bool:
+    """Whether a contact is one of two bodies that something moves, with some rebound."""
     pair = k.second[c] != WORLD and k.turns[c] == 0 and not k.late[0, c] > 0
-    return bool(pair and k.surface[0, c] > 0)
+    return bool(pair and k.surface[0, c] > 0 and b.w[k.first[c]] > 0 and b.w[k.second[c]] > 0)
 
 
 def restitution_at(k: Any, c: Any, speed: Any) -> Any:
@@ -97,6 +97,13 @@ def answered(e: Any, stiff: Any) -> Any:
     c = max(stiff, -0.5)
     square = e * e - c * (1 - e * e)
     return max((1 + (np.sqrt(square) if square > 0 else 0.0)) / (1 + c), min(1.0, 2 / (1 + c)))
+
+
+def mean_time(when: Any, struck: Any, now: Any, h: Any) -> Any:
+    """The mean time of the impulse that stops what hits at a time of a step with a speed `struck`, and then carries it until
+    the end of the step, by which forces would have made it `now` one."""
+    hit = clamped(struck / now, 0.0, 1.0) if now < 0 else 1.0
+    return hit * when + (1 - hit) * 0.5 * (when + h)
 
 
 def turned_around(before: Any, now: Any, gap: Any, e: Any, h: Any) -> Any:

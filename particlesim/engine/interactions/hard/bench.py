@@ -19,9 +19,10 @@ ARM, KEPT, SHARE, SPINS, LATER = 5, 6, 9, 10, 12
 impacts of the step have done so [m/s]: distance over sum of radii; the overlap down to which the two are moved apart [m]; of
 a change of their relative velocity, after PARTS [2], which part of sliding it has to be to end that, and by
 how much it turns each of them [2] [1/m]; what forces add to their approach after an impact in the step [m/s]."""
-OWN, RUBS, ABOVE = 6, 9, 10
+OWN, RUBS, ABOVE, FASTER = 6, 9, 10, 11
 """Rows of `wall_normal` after the normal, LEAST, PARTING and ALONG: the velocity of the surface [m/s], the coefficient
-of its friction at rest, and how far above it a particle is that does not touch it [m]."""
+of its friction at rest, how far above it a particle is that does not touch it [m], and by how much faster the surface is at
+the end of the step than in its middle, when impulses work [3] [m/s]."""
 FREE, BOUNCY = -1, -2
 """Values of LEAST of what does not lie on its wall, where that is elastic, too."""
 LIMIT = 3
@@ -43,12 +44,13 @@ class Bench(NamedTuple):
     """Room to work in: rows of pairs [2, room], the smaller one first; normals and more of pairs [13, room]; what to add to
     the difference of their places for the nearest image [3, room] [m].
 
-    Rows of particles at colliders [walls], their normals and more [11, walls], the numbers of their colliders [walls], and
+    Rows of particles at colliders [walls], their normals and more [14, walls], the numbers of their colliders [walls], and
     where those at each collider of each group end. Of pairs, and after them of particles at walls: the friction that they
     have been given at rest, as a change of velocity [m/s], and its LIMIT [4, room + walls].
 
     Of particles: `mark` [n]; by how much forces have changed velocities in the step, at most in a cluster [n] [m/s];
-    velocities before impulses, sums over clusters, and more [10, n]. A desk for impulses that are found at once.
+    velocities before impulses, sums over clusters, and more [10, n]; by how much faster those are that nothing moves than in
+    the middle of the step [3, n] [m/s]. A desk for impulses that are found at once.
 
     With rolling friction, None without: what contacts have been given of it at rest (`friction`), and its LIMIT, as for
     `held` [4, room + walls]; of particles at colliders its coefficient, and how the collider turns [4, walls] [1/s].
@@ -65,6 +67,7 @@ class Bench(NamedTuple):
     mark: Any
     change: Any
     start: Any
+    faster: Any
     desk: Desk
     rolled: Any = None
     wall_rolls: Any = None
@@ -77,13 +80,14 @@ def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any, roll
         np.zeros((13, room), dtype),
         np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),
-        np.zeros((11, walls), dtype),
+        np.zeros((14, walls), dtype),
         np.zeros(walls, np.int64),
         np.zeros(ends, np.int64),
         np.zeros((4, room + walls), dtype),
         np.zeros(particles, np.int8),
         np.zeros(particles, dtype),
         np.zeros((10, particles)),
+        np.zeros((3, particles)),
         new_desk(room + walls, particles),
         np.zeros((4, room + walls), dtype) if rolls else None,
         np.zeros((4, walls), dtype) if rolls else None,

@@ -48,14 +48,15 @@ from particlesim.engine.interactions.hard.apart import (
 from particlesim.engine.interactions.hard.at_once import GIVEN, NUMBER, choose, find, rates
 from particlesim.engine.interactions.hard.bench import COUNT, NEAR, WANTED, WIDE, Bench, new_bench
 from particlesim.engine.interactions.hard.memory import (
+    UNNOTICED,
     Known,
+    book_moves,
     known_by,
     new_known,
     note_impulses,
     note_speeds,
     recall,
     remember,
-    restart,
     start,
     take_back,
     there_is,
@@ -282,7 +283,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         note_speeds(each, c)
         if recall(each, c, walls):
             start(each, c, walls)
-            restart(each, c, walls)
+            take_back(each, c, walls, 0.0)
         turn, going, rough, small = 0, True, True, ROUGHLY_SETTLED / SETTLED * float(calm)
         while going & ((turn < TURNS) | (rough & (turn < MOST_TURNS))):
             worst, squares = give_impulses(each, c, turn % 2)
@@ -317,7 +318,8 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
 @outlined
 def settle(each: Any, c: Any, before: Any, walls: Any, h: Any) -> None:
     """Conclude what impulses have done."""
-    take_back(each, c, before, walls, h)
+    book_moves(each, c, before, h)
+    take_back(each, c, walls, UNNOTICED)
     remember(each, walls)
     move_on(each, c, h)
 

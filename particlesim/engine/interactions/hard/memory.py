@@ -3,14 +3,16 @@
 Turns from pair to pair carry a push a few layers far. What lies still needs the same impulses in every step, so each step
 begins with those of the last one: what turns have not found yet comes in the next steps, and a deep heap comes to rest.
 
-Turns take energy, but a start may add some, such as to a heap that has just lost its floor, and turns may not take all of
-it back. So at the end the energy of every cluster is compared. If impulses have changed velocities by Δv and have added
+Turns take energy, but a start may add some, such as to a heap that has just lost its floor, or along a row in which a
+contact has opened; and turns may stop what forces turn around within the step while it parts, which then has half of their
+kick less to fall from higher. So after the start, and at the end, the energy of every cluster is compared. If impulses have
+changed velocities by Δv and have added
 
     E₁ − E₀ − W = b + ½ a > 0,    a = Σ m |Δv|² + I |Δω|²,
 
-where W is the work of colliders and others that nothing moves, and of forces on the way by which impulses displace
-particles, where that is more than 0, then all of them are scaled by φ = max(−2 b/a, 0) < 1, with
-which they add nothing. All of them act between two particles, or at a collider, so momentum is kept.
+where W is the work of colliders and others that nothing moves, and at the end of forces on the way by which impulses
+displace particles, then all of them are scaled by φ = max(−2 b/a, 0) < 1, with which they add nothing; at the end a small
+part of a is left. All of them act between two particles, or at a collider, so momentum is kept.
 
 Source: the starts of sequential impulses, E. Catto, Iterative dynamics with temporal coherence (2005).
 """
@@ -45,8 +47,8 @@ from particlesim.engine.interactions.interaction import Ints
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.rubbing import STILL
 
-ROUNDING, UNNOTICED = 1e-12, 1e-3
-"""What may be added, as a part of what all impulses would add one by one: by a start, and in all, as far as turns find them."""
+UNNOTICED = 3e-4
+"""What may be added in a step, as a part of what all impulses would add one by one: as much as turns leave."""
 
 
 class Known(NamedTuple):
@@ -317,35 +319,17 @@ def sum_gains(each: Any, c: Any) -> None:
 
 
 @outlined
-def restart(each: Any, c: Any, walls: Any) -> None:
-    """Scale what clusters begin with to that which takes most energy, where it adds some: what has pushed back is gone."""
+def take_back(each: Any, c: Any, walls: Any, unnoticed: Any) -> None:
+    """Scale impulses in clusters to which they have added energy, but for an unnoticed part of what they would add one by
+    one."""
     mark, s, some = each.bench.mark, each.bench.start, False
-    sum_gains(each, c)
-    for i in range(mark.size):
-        if (mark[i] & PAIRED) != 0:
-            gain, square = s[GAIN, i] - s[WORK, i], s[SQUARE, i]
-            adds = gain > ROUNDING * square
-            s[GAIN, i] = max(0.5 - gain / square, 0.0) if adds else 1.0
-            s[WORK, i] *= s[GAIN, i]
-            some = some | adds
-    if some:
-        scale_clusters(each, c, walls)
-
-
-@outlined
-def take_back(each: Any, c: Any, before: Any, walls: Any, h: Any) -> None:
-    """Scale impulses in clusters to which they have added energy."""
-    mark, s, some = each.bench.mark, each.bench.start, False
-    book_moves(each, c, before, h)
-    for i in range(mark.size):
-        if (mark[i] & PAIRED) != 0:
-            s[WORK, i] += s[GAIN, i]
     sum_gains(each, c)
     for i in range(mark.size):  # of those that stand for a cluster: the part of impulses that stays
         if (mark[i] & PAIRED) != 0:
             gain, square = s[GAIN, i] - s[WORK, i], s[SQUARE, i]
-            adds = gain > UNNOTICED * square
-            s[GAIN, i] = max(1.0 - 2.0 * gain / square, 0.0) if adds else 1.0
+            adds = gain > unnoticed * square
+            s[GAIN, i] = max(1.0 - 2.0 * (gain / square - unnoticed), 0.0) if adds else 1.0
+            s[WORK, i] *= s[GAIN, i]
             some = some | adds
     if some:
         scale_clusters(each, c, walls)
@@ -367,11 +351,8 @@ def scale_clusters(each: Any, c: Any, walls: Any) -> None:
 
 @outlined
 def book_moves(each: Any, c: Any, before: Any, h: Any) -> None:
-    """The work of forces, in each cluster, on the way by which impulses displace particles (`move_on`)."""
+    """Note the work of forces, in each cluster, on the way by which impulses displace particles (`move_on`)."""
     mark, s, cluster = each.bench.mark, each.bench.start, each.bench.desk.cluster
-    for i in range(mark.size):
-        if (mark[i] & PAIRED) != 0:
-            s[GAIN, i] = 0.0
     for i in range(mark.size):
         if (mark[i] == PAIRED) & (each.a[i] > 0):  # what a collider has thrown back does not tell of forces
             power, square = 0.0, 0.0
@@ -379,7 +360,7 @@ def book_moves(each: Any, c: Any, before: Any, h: Any) -> None:
                 change = float(now[i]) - s[axis, i]
                 power += change * (s[axis, i] - float(before[3 + axis, i]))
                 square += change * change
-            s[GAIN, root(cluster, i)] += way_by(c, s, i, np.sqrt(square), h) / h * power / float(each.a[i])
+            s[WORK, root(cluster, i)] += way_by(c, s, i, np.sqrt(square), h) / h * power / float(each.a[i])
 
 
 def way_by(c: Any, s: Any, i: Any, speed: Any, h: Any) -> Any:

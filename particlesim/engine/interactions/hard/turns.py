@@ -96,6 +96,10 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
                 change[at] = max(change[at], np.sqrt(x * x + y * y + z * z))
                 usual = bench.start[WAY, i] = way
     for i in range(bench.mark.size):
+        if (bench.mark[i] & PAIRED) != 0:
+            for axis, now in enumerate((c.vx, c.vy, c.vz)):
+                bench.faster[axis, i] = 0.5 * float(now[i] - before[3 + axis, i]) if each.a[i] <= 0 else 0.0
+    for i in range(bench.mark.size):
         if (bench.mark[i] & THROWN) != 0:
             bench.start[WAY, i] = max(usual - MIDDLE, 0.0)
     for q in range(walls):  # hops that are as short as what forces bring about in a step are rest
@@ -183,11 +187,11 @@ def way_of(c: Any, before: Any, i: Any, h: float) -> float:
     y = float(c.y[i]) - float(before[1, i]) - h * v
     z = float(c.z[i]) - float(before[2, i]) - h * w
     size = dx * dx + dy * dy + dz * dz
-    part = (x * dx + y * dy + z * dz) / size if size > 0 else MIDDLE
-    way = 0.0 if part < 0.25 else (0.5 if part < 0.75 else 1.0)
-    x, y, z = x - way * dx, y - way * dy, z - way * dz
     far = abs(float(c.x[i])) + abs(float(c.y[i])) + abs(float(c.z[i])) + h * (abs(u) + abs(v) + abs(w))
     known = size > NOISE * NOISE * far * far
+    part = (x * dx + y * dy + z * dz) / size if known else MIDDLE
+    way = 0.0 if part < 0.25 else (0.5 if part < 0.75 else 1.0)
+    x, y, z = x - way * dx, y - way * dy, z - way * dz
     return -1.0 if known & (x * x + y * y + z * z > OTHER * OTHER * size) else way
 
 
@@ -275,6 +279,8 @@ def book_work(each: Any, c: Any, k: Any, dx: Any, dy: Any, dz: Any) -> None:
     if each.a[i] + each.a[j] > 0:
         at, moved, sign = (i, j, -1.0) if each.a[i] <= 0 else (j, i, 1.0)
         x, y, z = surface_of(each, c, k, at)
+        f = each.bench.faster
+        x, y, z = x - f[0, at], y - f[1, at], z - f[2, at]
         work = sign * (float(dx) * x + float(dy) * y + float(dz) * z) / float(each.a[i] + each.a[j])
         each.bench.start[WORK, root(each.bench.desk.cluster, moved)] += work
 

@@ -16,6 +16,7 @@ from particlesim.engine.interactions.hard.bench import (
     ABOVE,
     BOUNCY,
     COUNT,
+    FASTER,
     FREE,
     NEAR_WALL,
     OWN,
@@ -171,8 +172,10 @@ def list_side(
     w[LEAST, end], w[PARTING, end] = least if lies else free, 0
     w[ABOVE, end] = type_of(g, 0) if lies else g
     w[ALONG, end] = speed_along(collider, p, n)
-    for axis, u in enumerate(surface_of(collider, c, p, n)):
-        w[OWN + axis, end] = u
+    now = surface_of(collider, c, p, n, p.t)
+    was = surface_of(collider, c, p, n, p.t - 0.5 * h) if isinstance(collider.shape, MovingRecord) else now
+    for axis in range(3):
+        w[OWN + axis, end], w[FASTER + axis, end] = now[axis], now[axis] - was[axis]
     w[RUBS, end] = static_of(collider, c)
     if bench.wall_rolls is not None:
         note_rolling(bench.wall_rolls, rolling, collider, end)
@@ -189,15 +192,15 @@ def static_of(collider: Any, c: Any) -> Any:
     return type_of(c.x[0], friction.static if c.spin is not None else friction.kinetic)
 
 
-def surface_of(collider: Any, c: Any, p: Any, n: Any) -> Any:
-    """The velocity of a collider's surface where it rubs a particle: of spheres that turn where they touch, of others where
-    they are [m/s]."""
+def surface_of(collider: Any, c: Any, p: Any, n: Any, t: Any) -> Any:
+    """The velocity of a collider's surface at a time where it rubs a particle: of spheres that turn where they touch, of
+    others where they are [m/s]."""
     u = (p.x - p.x, p.x - p.x, p.x - p.x)
     if isinstance(collider.shape, MovingRecord):
         r = p.r if c.spin is not None else p.r - p.r
-        f = frame_at(collider.shape, p.t, p.x)
+        f = frame_at(collider.shape, t, p.x)
         u = surface_velocity(collider.shape, f, p.x - r * n[0], p.y - r * n[1], p.z - r * n[2])
-    belt = along_surface(carried(collider.shape, collider.response.belt, p.t, p.x), n)
+    belt = along_surface(carried(collider.shape, collider.response.belt, t, p.x), n)
     return tuple(a if b is None else a + b for a, b in zip(u, belt, strict=True))
 
 
@@ -253,7 +256,8 @@ def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any
 def push_at_wall(each: Any, c: Any, q: Any, dx: Any, dy: Any, dz: Any) -> None:
     """Change the velocity of a particle at a collider, which may do work by it [m/s]."""
     w, i = each.bench.wall_normal, each.bench.wall[q]
-    work = float(dx) * float(w[OWN, q]) + float(dy) * float(w[OWN + 1, q]) + float(dz) * float(w[OWN + 2, q])
+    x, y, z = w[OWN, q] - w[FASTER, q], w[OWN + 1, q] - w[FASTER + 1, q], w[OWN + 2, q] - w[FASTER + 2, q]
+    work = float(dx) * float(x) + float(dy) * float(y) + float(dz) * float(z)
     each.bench.start[WORK, root(each.bench.desk.cluster, i)] += work / float(each.a[i])
     give(c, i, type_of(dx, 1), dx, dy, dz)
 
