@@ -184,10 +184,7 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
         motion.unsettled[cluster] = 0
     keep(motion.now, motion.gained, motion.start)
     recall(b, k, motion, memory)
-    relax_all(b, k, motion, joints)
-    for cluster in range(motion.clusters[0]):
-        if let_back(b, k, motion, cluster, h):
-            relax(b, k, motion, joints, cluster)
+    relax_all(b, k, motion, joints, h)
     rebounds = False
     for c in range(k.number[0]):
         rebounds = rebounds or (k.target[c] > 0 and k.turns[c] == 0)
@@ -233,12 +230,14 @@ def solve_again(b: Any, k: Any, motion: Any, joints: Any, count: Any) -> None:
             b.spin[axis, i] += motion.gained[i, axis]
 
 
-def relax_all(b: Any, k: Any, motion: Any, joints: Any) -> None:
+def relax_all(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
     """Find the impulses of all clusters."""
     for cluster in range(motion.clusters[0]):
         level_all(b, motion, motion.now, motion.gained, joints, cluster)
         if motion.contact_from[cluster] < motion.contact_from[cluster + 1]:
             relax(b, k, motion, joints, cluster)
+            if let_back(b, k, motion, cluster, h):
+                relax(b, k, motion, joints, cluster)
 
 
 def level_all(b: Any, motion: Any, now: Any, gained: Any, joints: Any, cluster: Any) -> None:
@@ -408,7 +407,7 @@ def yield_energy(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
             k.aim[0, c] = k.target[c]
         k.impulse[c, 0] = k.impulse[c, 1] = k.impulse[c, 2] = 0.0
         k.target[c] = min(k.target[c], 0.0) if k.turns[c] != MOTOR else k.target[c]
-    relax_all(b, k, motion, joints)
+    relax_all(b, k, motion, joints, h)
     low, bend = motion.low, motion.bend
     for i in range(b.w.size):
         low[i] = bend[i] = 0.0

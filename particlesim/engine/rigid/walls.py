@@ -54,6 +54,9 @@ RIM = 4
 """Turns of the search for the lowest place of a circle."""
 CORNERS = 8
 """Places around a circle that may touch."""
+ASIDE, SAME_SIDE, HALVES, SIDES = 0.1, 0.99, 6, 8
+"""How far from a side of a collider a ball looks for others, in radii; the cosine of the angle between two normals from which
+on they are of one side; looks at one; and numbers for the features of each."""
 AROUND = 16
 """Numbers for the features of a circle."""
 
@@ -145,6 +148,42 @@ def point_on_wall(wall: Any, k: Any, i: Any, at: Any, radius: Any, margin: Any, 
         add_contact(k, i, WORLD, code, plus(at, -(radius + distance), n), n, distance)
 
 
+@outlined
+def ball_on_wall(wall: Any, k: Any, i: Any, at: Any, radius: Any, margin: Any, t: Any, code: Any) -> None:
+    """Contacts of a ball: where it is nearest to the collider, and on up to two further sides of that, as in a corner, that
+    are nearest to places farther away from those which are known."""
+    begin = k.number[0]
+    point_on_wall(wall, k, i, at, radius, margin, t, code)
+    if isinstance(wall.shape, FLAT) or k.number[0] == begin:
+        return
+    known, shift = begin, (0.0, 0.0, 0.0)
+    for more in range(1, 3):
+        shift = plus(shift, ASIDE * radius, row(k.normal, known))
+        there = plus(at, 1.0, shift)
+        y, m = nearest_side(wall.shape, there, at, t)
+        new = True
+        for c in range(begin, k.number[0]):
+            new = new and dot(row(k.normal, c), m) < SAME_SIDE
+        distance, known = dot(minus(at, y), m) - radius, k.number[0]
+        if not (new and distance < margin):
+            return
+        add_contact(k, i, WORLD, code + SIDES * more, plus(at, -(radius + distance), m), m, distance)
+        if k.number[0] == known:
+            return
+
+
+def nearest_side(shape: Any, start: Any, x: Any, t: Any) -> Any:
+    """The place of a surface that is nearest to x on the side which is nearest to where to start, and its normal there: from
+    half the way to it again and again."""
+    y, m = start, (0.0, 0.0, 0.0)
+    for turn in range(HALVES):
+        z = start if turn == 0 else plus(y, 0.5, minus(x, y))
+        p = probe(z, 0.0, t)
+        m = away(shape, p)
+        y = plus(z, -gap(shape, p), m)
+    return y, m
+
+
 def line_on_wall(
     wall: Any, k: Any, i: Any, a: Any, c: Any, radius: Any, margin: Any, t: Any, code: Any
 ) -> None:
@@ -161,14 +200,14 @@ def core_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: A
     """Contacts of a sphere or a capsule."""
     radius, x = s.size[0], s.x
     if s.kind == SPHERE:
-        point_on_wall(wall, k, i, x, radius, margin, t, code)
+        ball_on_wall(wall, k, i, x, radius, margin, t, code)
         return
     if isinstance(wall.shape, FLAT) and s.size[2] > 0:
         arc_on_wall(wall, k, i, s, margin, t, code)
         return
     u = half_axis(s)
-    point_on_wall(wall, k, i, plus(x, 1.0, u), radius, margin, t, code + 1)
-    point_on_wall(wall, k, i, plus(x, -1.0, u), radius, margin, t, code + 2)
+    ball_on_wall(wall, k, i, plus(x, 1.0, u), radius, margin, t, code + 1)
+    ball_on_wall(wall, k, i, plus(x, -1.0, u), radius, margin, t, code + 2)
     if not isinstance(wall.shape, FLAT):
         line_on_wall(wall, k, i, plus(x, -1.0, u), plus(x, 1.0, u), radius, margin, t, code + 3)
 
