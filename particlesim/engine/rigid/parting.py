@@ -63,8 +63,6 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
                 k.order[count], k.before[c, 0], k.before[c, 1] = c, over, BOTH
                 count += 1
     sweep_apart(b, k, motion, joints, count, turns, 1.0, 1.0, h)
-    if guests is None:
-        return True
     costs = lifting(motion, bodies, h)
     pays = max(taken(b, k, motion, h), 0.0) + UNNOTICED * falling(b, motion, bodies, h)
     if costs > pays:
