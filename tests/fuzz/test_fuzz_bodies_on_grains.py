@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 import pytest
-from fuzz.fuzz_bodies_on_grains import broken_rules, draw, worst_of
+from fuzz.fuzz_bodies_on_grains import CALM, alone, broken_rules, draw, worst_of
 
 
 @pytest.mark.parametrize("number", [12, 14])
 def test_no_body_sinks_into_grains_and_nothing_gains_energy(number: int) -> None:
     scenario, name = draw(number, duration=0.3)
     assert broken_rules(worst_of(scenario)) == [], name
+
+
+@pytest.mark.parametrize("number", [24, 59, 61])
+def test_grains_alone_gain_nothing_while_they_come_to_rest(number: int) -> None:
+    scenario, name = draw(number, duration=0.4)
+    assert worst_of(alone(scenario, "grains")).gain < CALM / 2, name
+
+
+@pytest.mark.parametrize("number", [49, 64])
+def test_bodies_alone_gain_nothing_while_they_come_to_rest(number: int) -> None:
+    scenario, name = draw(number, duration=0.4)
+    assert worst_of(alone(scenario, "bodies")).gain < CALM, name

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from simulate import G, simulate
+from simulate import G, simulate, table
 
 import particlesim as ps
 from particlesim.bodies import BODY_SHAPES, BodyShape
@@ -21,8 +21,10 @@ from particlesim.bodies.mesh import MeshBody, hull_volume
 from particlesim.bodies.pieces import BOX, CONE, CYLINDER, HULL, SPHERE, Piece, union_of
 from particlesim.bodies.shape import BallBody, BoxBody, CapsuleBody, ConeBody, CylinderBody, TorusBody
 from particlesim.compiler import kernel
+from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.rigid.convex import separation
 from particlesim.engine.rigid.pieces import pieces_of, solid_of
+from particlesim.engine.simulation import Simulation
 
 Array = NDArray[np.float64]
 GRAVITY = [{"type": "gravity"}]
@@ -482,3 +484,33 @@ def test_a_cone_tumbles_over_a_mesh_without_a_gain(tmp_path: Path) -> None:
     assert rise.min() < -0.1  # it strikes
     # What has sunk in within a step, and lost that in the impact, is put back up, and has its potential energy again.
     assert rise[rise > 0].sum() < 0.003 * -rise[rise < 0].sum()
+
+
+@pytest.mark.parametrize("shape", [{"type": "cylinder"}, {"type": "capsule"}])
+@pytest.mark.parametrize("turn", [0.0, 0.4, 4.0])
+def test_a_log_lies_along_two_others(shape: dict[str, Any], turn: float) -> None:
+    # Side by side and turned a little it is nearest to each of them in one place, and rests on the whole stretch.
+    radius, length, h = 0.03, 0.12, 1e-3
+    shape = {**shape, "radius": radius, "length": length}
+    aside = 0.5 * length * math.sin(math.radians(turn))  # of its ends at most, and as far down
+    high = radius + math.sqrt(4 * radius**2 - (radius - aside) ** 2) + aside + 2e-4
+    lie = {"axis": [0, 1, 0], "angle": 0}
+    logs = [
+        {"name": name, "shape": shape, "position": [x, y, 0.0], "orientation": each, "restitution": 0.0}
+        for name, x, y, each in (
+            ("left", -radius, radius, lie),
+            ("right", radius, radius, lie),
+            ("upper", 0.0, high, {"axis": [1, 1, 0], "angle": turn}),
+        )
+    ]
+    well = [{"point": [-x * 2 * radius, 0, 0], "normal": [x, 0, 0], "restitution": 0.0} for x in (1, -1)]
+    world = Simulation(ps.from_table(table(0.5, h, bodies=logs, planes=[FLOOR, *well], forces=GRAVITY)))
+    (island,) = (each for each in world.islands if isinstance(each, RigidIsland))
+    deepest = 0.0
+    for step in range(1, 501):
+        world.advance_to(step)
+        k = island._contacts
+        deepest = min(deepest, k.gap[: k.number[0]].min(initial=0.0))
+    world.close()
+    assert deepest > -1e-4 * radius - 4 * G * h**2
+    assert max(np.abs(state.velocity).max() for state in world.states) < 1e-4

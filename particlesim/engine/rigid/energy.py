@@ -126,6 +126,17 @@ def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
 
 
 @outlined
+def start_anew(b: Any, k: Any, motion: Any, h: Any) -> None:
+    """Make the impulses that clusters begin with, those of the last step, so small that they give no energy, as those of
+    bodies that were jammed and have come free would. Joints have not had theirs yet."""
+    for cluster in range(motion.clusters[0]):
+        if motion.first_component[cluster] < 0 and not is_driven(k, motion, cluster):
+            gain, bend, _ = account(b, k, motion, cluster, h)
+            if gain > 0 and bend > 0:
+                shrink(k, motion, cluster, max(1.0 - gain / bend, 0.0))
+
+
+@outlined
 def let_back(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> bool:
     """Where a cluster without rebounds gains energy in a step of h, let what has parted in it come back as fast; whether
     there is some. Surfaces that run and motors may give energy."""

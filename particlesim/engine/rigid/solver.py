@@ -25,7 +25,7 @@ from particlesim.engine.rigid.bodies import WORLD, row
 from particlesim.engine.rigid.braced import brace, level_there
 from particlesim.engine.rigid.clusters import gather, root
 from particlesim.engine.rigid.contact_rows import bounded, direct, speed_along, strike
-from particlesim.engine.rigid.energy import against_forces, gains, hold_back, keep, let_back, of_time
+from particlesim.engine.rigid.energy import against_forces, gains, hold_back, keep, let_back, of_time, start_anew
 from particlesim.engine.rigid.equations import MOST_BODIES, STEEP
 from particlesim.engine.rigid.free import velocity_of
 from particlesim.engine.rigid.joints import level
@@ -184,6 +184,7 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
         motion.unsettled[cluster] = 0
     keep(motion.now, motion.gained, motion.start)
     recall(b, k, motion, memory)
+    start_anew(b, k, motion, h)
     relax_all(b, k, motion, joints, h)
     rebounds = False
     for c in range(k.number[0]):
