@@ -590,3 +590,29 @@ def test_a_force_that_is_not_a_number_ends_the_run() -> None:
     bad = {"type": "field", "force": ["sqrt(0.5 - t)", "0", "0"]}
     with pytest.raises(ps.DivergenceError, match="body"):
         simulate(1.0, 1e-2, bodies=[body()], forces=[bad])
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.31, 0.317])
+@pytest.mark.parametrize("h", [1e-3, 1e-2])
+def test_a_block_that_stops_on_its_way_up_a_slope_gains_nothing(speed: float, h: float) -> None:
+    # Friction holds it, and stops it in a step in which its weight would turn it around.
+    pull = {"type": "gravity", "acceleration": [float(-G * np.sin(0.4)), float(-G * np.cos(0.4)), 0.0]}
+    block = body({"type": "box", "size": [0.1] * 3}, position=[0, 0.05, 0], velocity=[speed, 0, 0])
+    floor = FLOOR | {"restitution": 0.0, "friction": 1.0}
+    ledger = {"every": 1, "ledger": True}
+    result = simulate(0.4, h, bodies=[block], forces=[pull], planes=[floor], output=ledger)
+    energies = sum(np.array(result.ledger[name]) for name in ("kinetic", "potential.gravity"))
+    assert np.diff(energies).max() < 1e-10 * energies[0]
+    assert np.abs(result.final.velocity).max() < 1e-12
+
+
+@pytest.mark.parametrize("rise", [0.2, 0.5, 0.8])
+def test_what_parts_more_slowly_than_forces_turn_it_around_gains_nothing(rise: float) -> None:
+    # It goes up by less than g h, and so would be on the floor again at the end of the step, with less than g h.
+    h = 1e-2
+    ball = body({"type": "sphere", "radius": 0.1}, position=[0, 0.1, 0], velocity=[0, rise * G * h, 0])
+    floor, ledger = FLOOR | {"restitution": 0.0}, {"every": 1, "ledger": True}
+    result = simulate(0.1, h, bodies=[ball], forces=GRAVITY, planes=[floor], output=ledger)
+    energies = sum(np.array(result.ledger[name]) for name in ("kinetic", "potential.gravity"))
+    assert np.diff(energies).max() < 1e-12 * energies[0]
+    assert np.abs(result.final.velocity).max() < 1e-12

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined
-from particlesim.engine.rigid.bodies import WORLD
+from particlesim.engine.rigid.bodies import GUEST, WORLD
 from particlesim.engine.rigid.clusters import root, unite
 from particlesim.engine.rigid.contact_rows import speed_along
 from particlesim.engine.rigid.narrow import clamped
@@ -140,19 +140,39 @@ def start_anew(b: Any, k: Any, motion: Any, h: Any) -> None:
 def let_back(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> bool:
     """Where a cluster without rebounds gains energy in a step of h, let what has parted in it come back as fast; whether
     there is some. Surfaces that run and motors may give energy."""
-    found, rebounds = False, False
-    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
-        rebounds = rebounds or k.target[k.order[at]] > 0
-    if rebounds or is_driven(k, motion, cluster):
-        return False
-    gain, bend, _ = account(b, k, motion, cluster, h)
-    if gain > UNNOTICED * 2 * bend:
+    found = False
+    if part_that_gains(b, k, motion, cluster, h) > 0:
         for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
             c = k.order[at]
             before = parted(b, k, motion, c, h) if k.turns[c] == 0 and k.impulse[c, 0] > 0 else 0.0
             if -before < k.target[c]:
                 k.target[c], found = -before, True
     return found
+
+
+@outlined
+def let_slide(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> None:
+    """Where such a cluster still gains, as what slides uphill is stopped by friction while forces turn it around, make all
+    of its impulses smaller; but not below joints, and of particles, whose colliders hold them in their own step."""
+    free = motion.first_component[cluster] < 0
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        c = k.order[at]
+        free = free and k.names[0, c] != GUEST and k.names[1, c] != GUEST
+    part = part_that_gains(b, k, motion, cluster, h) if free else 0.0
+    if part > 0:
+        shrink(k, motion, cluster, max(1.0 - part, 0.0))
+
+
+def part_that_gains(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
+    """What a cluster without rebounds gains from nothing in a step of h, as a part of what its impulses alone would, 0 if
+    that is next to nothing."""
+    rebounds = False
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        rebounds = rebounds or k.target[k.order[at]] > 0
+    if rebounds or is_driven(k, motion, cluster):
+        return 0.0
+    gain, bend, _ = account(b, k, motion, cluster, h)
+    return gain / bend if gain > UNNOTICED * 2 * bend else 0.0
 
 
 def parted(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:

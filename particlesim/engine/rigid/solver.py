@@ -25,7 +25,7 @@ from particlesim.engine.rigid.bodies import WORLD, row
 from particlesim.engine.rigid.braced import brace, level_there
 from particlesim.engine.rigid.clusters import gather, root
 from particlesim.engine.rigid.contact_rows import bounded, direct, speed_along, strike
-from particlesim.engine.rigid.energy import against_forces, gains, hold_back, keep, let_back, of_time, start_anew
+from particlesim.engine.rigid.energy import against_forces, gains, hold_back, keep, let_back, let_slide, of_time, start_anew
 from particlesim.engine.rigid.equations import MOST_BODIES, STEEP
 from particlesim.engine.rigid.free import velocity_of
 from particlesim.engine.rigid.joints import level
@@ -239,6 +239,7 @@ def relax_all(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
             relax(b, k, motion, joints, cluster)
             if let_back(b, k, motion, cluster, h):
                 relax(b, k, motion, joints, cluster)
+            let_slide(b, k, motion, cluster, h)
 
 
 def level_all(b: Any, motion: Any, now: Any, gained: Any, joints: Any, cluster: Any) -> None:
