@@ -12,7 +12,7 @@ from particlesim.compiler import shared
 from particlesim.engine.rigid.bodies import GUEST, WORLD
 from particlesim.engine.rigid.braced import level_there
 from particlesim.engine.rigid.contact_rows import presses
-from particlesim.engine.rigid.energy import taken
+from particlesim.engine.rigid.energy import parted, taken
 from particlesim.engine.rigid.joints import component_of
 from particlesim.engine.rigid.solver import level_all
 from particlesim.engine.rigid.support import CARRIED, note_carried
@@ -48,6 +48,9 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
             if who == FIRST:
                 over = PART * over if over > 0 else over
                 over += way_on(b, k, motion, c, h) if not k.late[0, c] > 0 else 0.0
+            elif over > 0 and who == BOTH and presses(k, c) and not is_driven_by(k, c):
+                # What it has come in this step goes at once.
+                over += min(over, 0.5 * h * max(-parted(b, k, motion, c, h), 0.0)) * (1 / PART - 1)
             if over > 0:
                 k.order[count], k.before[c, 0], k.before[c, 1] = c, over, who
                 lifts = lifts or who == FIRST
@@ -119,8 +122,13 @@ def runs(k: Any) -> bool:
     """Whether some surface runs, and gives energy anyway."""
     found = False
     for c in range(k.number[0]):
-        found = found or k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0
+        found = found or is_driven_by(k, c)
     return found
+
+
+def is_driven_by(k: Any, c: Any) -> bool:
+    """Whether the surface at a contact runs."""
+    return bool(k.belt[0, c] != 0 or k.belt[1, c] != 0 or k.belt[2, c] != 0)
 
 
 def way_on(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:
