@@ -82,3 +82,37 @@ def test_a_ball_in_the_corner_of_a_room_rests_on_all_of_its_sides(shape: dict[st
     assert np.abs(result.final.velocity[0]).max() < 1e-9
     energies = sum(column for name, column in result.ledger.items() if name.startswith(("kinetic", "potential")))
     assert np.diff(energies).max() < 1e-12 * np.abs(energies).max()
+
+
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        {"type": "cone", "radius": 0.06, "length": 0.12},
+        {"type": "cylinder", "radius": 0.05, "length": 0.1},
+        {"type": "box", "size": [0.1, 0.06, 0.14]},
+    ],
+    ids=lambda shape: shape["type"],
+)
+@pytest.mark.parametrize("seed", [1, 6])
+def test_what_tumbles_over_the_edges_of_a_box_gains_no_energy(
+    shape: dict[str, Any], inside: bool, seed: int
+) -> None:
+    # Edges cross edges: neither of the two faces beside an edge says how deep another edge is in it.
+    size = [0.3, 1.2, 0.3] if inside else [0.3, 0.4, 0.3]
+    block = {"type": "box", "size": size, "center": [0, 0.4 if inside else -0.4, 0], "inside": inside}
+    body = {
+        "shape": shape,
+        "orientation": "random",
+        "density": 800.0,
+        "position": [0.02, 0.35, 0.01],
+        "velocity": [0.15, 0, 0.1],
+        "angular_velocity": [1, 2, -1.5],
+    }
+    collider = {**block, "restitution": 0.5, "friction": 0.4}
+    result = simulate(
+        1.0, 1e-3, bodies=[body], forces=[{"type": "gravity"}], colliders=[collider], output=LEDGER, seed=seed
+    )
+    energies = sum(np.array(result.ledger[name]) for name in ("kinetic", "potential.gravity"))
+    assert np.diff(energies).max() < 1e-6 * np.ptp(energies)
+    assert result.missed_crossings == 0

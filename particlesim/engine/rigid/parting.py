@@ -69,8 +69,10 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
     costs = lifting(motion, bodies, h)
     pays = max(taken(b, k, motion, h), 0.0) + UNNOTICED * falling(b, motion, bodies, h)
     if costs > pays:
-        part = max(pays / costs, LIFT)
-        sweep_apart(b, k, motion, joints, count, turns, part if runs(k) else pays / costs, part, h)
+        lift, part = pays / costs, max(pays / costs, LIFT)
+        if runs(k):  # which pays
+            lift, part = part, 1.0
+        sweep_apart(b, k, motion, joints, count, turns, lift, part, h)
     return True
 
 

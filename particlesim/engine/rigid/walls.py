@@ -1,6 +1,7 @@
 """Contacts of bodies with colliders, through the gap and the normal that every shape of a collider gives.
 
-A sphere is its centre with a radius, a capsule its two ends and, where a collider is not flat, the nearest point between
+Boxes are what bodies are to each other (`narrow`), and their insides six planes. To all else a sphere is its centre with a
+radius, a capsule its two ends and, where a collider is not flat, the nearest point between
 them; a box or a hull is its corners and, likewise, the nearest point of each edge. Contact in the interior of a face is
 found from the centre of a spherical collider; with other shapes, as the corner of another box, by alternating projections
 onto the face and onto the collider, both shrunk a little so that they stay apart (W. Cheney, A. Goldstein, Proc. Am. Math.
@@ -22,6 +23,8 @@ from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord,
 from particlesim.colliders.response import FallingRecord
 from particlesim.colliders.sphere import BallRecord
 from particlesim.compiler import outlined
+from particlesim.engine.rigid.box_walls import SIDES as SIDES_OF_ROOM
+from particlesim.engine.rigid.box_walls import box_of, is_box, is_room, plane_of, room_of
 from particlesim.engine.rigid.bodies import (
     FEATURES,
     WORLD,
@@ -34,7 +37,16 @@ from particlesim.engine.rigid.bodies import (
 )
 from particlesim.engine.rigid.ghosts import LOOK, is_beside, settle_ghosts
 from particlesim.engine.rigid.manifold import LEANING, OTHER, SPAN
-from particlesim.engine.rigid.narrow import GOLDEN, box_distance, box_normal, clamped, half_axis, minus, plus
+from particlesim.engine.rigid.narrow import (
+    GOLDEN,
+    box_distance,
+    box_normal,
+    clamped,
+    half_axis,
+    minus,
+    plus,
+    touch_pieces,
+)
 from particlesim.engine.rigid.pieces import corner, solid_of
 from particlesim.engine.rigid.probing import away, probe
 from particlesim.engine.rigid.rotation import cross, dot, matrix, to_body, to_world
@@ -50,12 +62,15 @@ DRAWN_IN = 0.25
 """How far a collider is drawn in for them, in units of the smallest half edge of the box."""
 
 
+SPAN_OF_SIDE = SPAN // 8
+"""Numbers for the features of a piece at each side of a room."""
 RIM = 4
 """Turns of the search for the lowest place of a circle."""
 CORNERS = 8
 """Places around a circle that may touch."""
-ASIDE, SAME_SIDE, HALVES, SIDES = 0.1, 0.99, 6, 8
-"""How far from a side of a collider a ball looks for others, in radii; the cosine of the angle between two normals from which
+ASIDE, FARTHER, SAME_SIDE, HALVES, SIDES = 0.1, 4.0, 0.99, 8, 8
+"""How far from a side of a collider a ball looks for others, at least, in radii, and how many times as far as contacts are
+looked for; the cosine of the angle between two normals from which
 on they are of one side; looks at one; and numbers for the features of each."""
 AROUND = 16
 """Numbers for the features of a circle."""
@@ -119,6 +134,40 @@ def touch_piece(wall: Any, k: Any, p: Any, i: Any, s: Any, margin: Any, t: Any, 
     """Note the contacts of a piece of body i with a collider."""
     if not gap(wall.shape, probe(s.x, p.ball[s.number], t)) < margin:
         return
+    if is_box(wall.shape):
+        touch_box(k, p, i, s, box_of(wall.shape, t, s.number), margin, code)
+    elif is_room(wall.shape):
+        o = room_of(wall.shape, t, s.number)
+        for side in range(SIDES_OF_ROOM):
+            flat = Wall(
+                plane_of(o, side),
+                wall.on,
+                wall.restitution,
+                wall.static,
+                wall.kinetic,
+                wall.belt,
+                wall.number,
+                wall.falling,
+            )
+            if gap(flat.shape, probe(s.x, p.ball[s.number], t)) < margin:
+                piece_on_wall(flat, k, p, i, s, margin, t, code + SPAN_OF_SIDE * side)
+    else:
+        piece_on_wall(wall, k, p, i, s, margin, t, code)
+
+
+def touch_box(k: Any, p: Any, i: Any, s: Any, o: Any, margin: Any, code: Any) -> None:
+    """Note the contacts of a piece of body i with a box that is a collider: those of two bodies, but that they are on the
+    surface of the box."""
+    begin = k.number[0]
+    touch_pieces(k, p, i, WORLD, s, o, margin, code)
+    for c in range(begin, k.number[0]):
+        for axis in range(3):
+            k.point[axis, c] -= 0.5 * k.gap[c] * k.normal[axis, c]
+
+
+@outlined
+def piece_on_wall(wall: Any, k: Any, p: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:
+    """Note the contacts of a piece of body i with a collider through its gap and its normal."""
     if p.corners is not None:
         if s.kind == HULL:
             hull_on_wall(wall, k, p, i, s, margin, t, code)
@@ -157,8 +206,9 @@ def ball_on_wall(wall: Any, k: Any, i: Any, at: Any, radius: Any, margin: Any, t
     if isinstance(wall.shape, FLAT) or k.number[0] == begin:
         return
     known, shift = begin, (0.0, 0.0, 0.0)
+    aside = min(max(ASIDE * radius, FARTHER * margin), radius)
     for more in range(1, 3):
-        shift = plus(shift, ASIDE * radius, row(k.normal, known))
+        shift = plus(shift, aside, row(k.normal, known))
         there = plus(at, 1.0, shift)
         y, m = nearest_side(wall.shape, there, at, t)
         new = True

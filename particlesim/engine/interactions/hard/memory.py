@@ -351,7 +351,9 @@ def scale_clusters(each: Any, c: Any, walls: Any) -> None:
 
 @outlined
 def book_moves(each: Any, c: Any, before: Any, h: Any) -> None:
-    """Note the work of forces, in each cluster, on the way by which impulses displace particles (`move_on`)."""
+    """Note the work of forces, in each cluster, on the way by which impulses displace particles (`move_on`). Against forces
+    half of a kick counts at most: where a method moves particles by all of it, as symplectic Euler does, falling so has
+    cost them the rest before."""
     mark, s, cluster = each.bench.mark, each.bench.start, each.bench.desk.cluster
     for i in range(mark.size):
         if (mark[i] == PAIRED) & (each.a[i] > 0):  # what a collider has thrown back does not tell of forces
@@ -360,7 +362,9 @@ def book_moves(each: Any, c: Any, before: Any, h: Any) -> None:
                 change = float(now[i]) - s[axis, i]
                 power += change * (s[axis, i] - float(before[3 + axis, i]))
                 square += change * change
-            s[WORK, root(cluster, i)] += way_by(c, s, i, np.sqrt(square), h) / h * power / float(each.a[i])
+            part = way_by(c, s, i, np.sqrt(square), h) / h
+            part = part if power > 0 else min(part, 0.5)
+            s[WORK, root(cluster, i)] += part * power / float(each.a[i])
 
 
 def way_by(c: Any, s: Any, i: Any, speed: Any, h: Any) -> Any:
