@@ -65,7 +65,9 @@ def test_a_ball_rests_at_the_height_of_its_contact_and_keeps_e_of_its_speed(
     assert np.abs(top.position[0, [0, 2]]).max() < 1e-6
 
 
-@pytest.mark.parametrize("shape", [{"type": "sphere", "radius": R}, {"type": "capsule", "radius": R, "length": R}])
+@pytest.mark.parametrize(
+    "shape", [{"type": "sphere", "radius": R}, {"type": "capsule", "radius": R, "length": R}]
+)
 def test_a_ball_in_the_corner_of_a_room_rests_on_all_of_its_sides(shape: dict[str, Any]) -> None:
     # On the first of ten steps it comes to two walls and the floor, 0.3 mm away; forces press it on all of them.
     room = {"type": "box", "size": [1, 1, 1], "inside": True, "restitution": 0.0, "friction": 0.0}
@@ -80,7 +82,9 @@ def test_a_ball_in_the_corner_of_a_room_rests_on_all_of_its_sides(shape: dict[st
     lowest = -touch + (0.5 * R if shape["type"] == "capsule" else 0.0)
     assert result.final.position[0] == pytest.approx([touch, lowest, touch], abs=2e-6)
     assert np.abs(result.final.velocity[0]).max() < 1e-9
-    energies = sum(column for name, column in result.ledger.items() if name.startswith(("kinetic", "potential")))
+    energies = sum(
+        column for name, column in result.ledger.items() if name.startswith(("kinetic", "potential"))
+    )
     assert np.diff(energies).max() < 1e-12 * np.abs(energies).max()
 
 

@@ -181,7 +181,11 @@ def parted(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:
     m, f = motion.start[i], motion.pull[i]
     u = 0.0
     for axis in range(3):
-        u += e[axis] * (m[axis] - h * b.w[i] * f[axis]) + e[3 + axis] * m[3 + axis] - h * e[9 + axis] * f[3 + axis]
+        u += (
+            e[axis] * (m[axis] - h * b.w[i] * f[axis])
+            + e[3 + axis] * m[3 + axis]
+            - h * e[9 + axis] * f[3 + axis]
+        )
     if j != WORLD:
         m, f = motion.start[j], motion.pull[j]
         for axis in range(3):

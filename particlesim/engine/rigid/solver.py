@@ -25,7 +25,16 @@ from particlesim.engine.rigid.bodies import WORLD, row
 from particlesim.engine.rigid.braced import brace, level_there
 from particlesim.engine.rigid.clusters import gather, root
 from particlesim.engine.rigid.contact_rows import bounded, direct, speed_along, strike
-from particlesim.engine.rigid.energy import against_forces, gains, hold_back, keep, let_back, let_slide, of_time, start_anew
+from particlesim.engine.rigid.energy import (
+    against_forces,
+    gains,
+    hold_back,
+    keep,
+    let_back,
+    let_slide,
+    of_time,
+    start_anew,
+)
 from particlesim.engine.rigid.equations import MOST_BODIES, STEEP
 from particlesim.engine.rigid.free import velocity_of
 from particlesim.engine.rigid.joints import level
@@ -121,7 +130,11 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
             struck = before + k.late[0, c] * own + (0.0 if lies else k.late[2, c] * (now - before) / h)
             e = restitution_at(k, c, -struck)
             rebound = kicked - answered(e, k.late[3, c] * k.rows[c, 0, 15]) * struck
-            mean = mean_time(k.late[0, c], struck, now, h) if not (quick and k.surface[0, c] > 0) else k.late[0, c]
+            mean = (
+                mean_time(k.late[0, c], struck, now, h)
+                if not (quick and k.surface[0, c] > 0)
+                else k.late[0, c]
+            )
             k.late[2, c] = mean if abs(k.late[2, c]) == k.late[0, c] else abs(k.late[2, c])
             k.late[3, c] = mean
         elif lies_under or (k.second[c] == WORLD and 0 < e < 1):
