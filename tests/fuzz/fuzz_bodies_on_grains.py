@@ -3,8 +3,8 @@
     python tests/fuzz/fuzz_bodies_on_grains.py [--scenes 40] [--first 0] [--duration 0.4] [--only grains]
 
 Every scene is drawn by its number alone: 1 to 3 bodies of one shape and of 30 to 30 000 kg/m³, 16 to 48 grains in 1 to 3
-layers, restitution, friction, steps of 0.2 to 3 ms; with `--only` the grains, or the bodies, of the same scenes. Prints the scenes that break a rule, and at the end the worst of each
-rule; exit code 1 if one is broken.
+layers, restitution, friction, steps of 0.2 to 3 ms; with `--only` the grains, or the bodies, of the same scenes. Prints the
+scenes that break a rule, and at the end the worst of each rule; exit code 1 if one is broken.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Contacts of bodies with colliders, through the gap and the normal that every shape of a collider gives.
 
-Boxes are what bodies are to each other (`narrow`), and their insides six planes. To all else a sphere is its centre with a
-radius, a capsule its two ends and, where a collider is not flat, the nearest point between
-them; a box or a hull is its corners and, likewise, the nearest point of each edge. Contact in the interior of a face is
+Boxes are what bodies are to each other (`narrow`), and their insides six planes (`box_walls`). To all else a sphere is its
+centre with a radius, a capsule its two ends and, where a collider is not flat, the nearest point between them; a box or a
+hull is its corners and, likewise, the nearest point of each edge (`point_walls`). Contact in the interior of a face is
 found from the centre of a spherical collider; with other shapes, as the corner of another box, by alternating projections
 onto the face and onto the collider, both shrunk a little so that they stay apart (W. Cheney, A. Goldstein, Proc. Am. Math.
 Soc. 10, 448, 1959). The rims of cylinders and cones are eight points around, the first of them the lowest.
@@ -19,12 +19,9 @@ import numpy as np
 
 from particlesim.bodies.pieces import BOX, CONE, CYLINDER, HULL, SPHERE
 from particlesim.colliders.moving import MovingRecord, carried, frame_at, out_of, surface_velocity
-from particlesim.colliders.plane import PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord
 from particlesim.colliders.response import FallingRecord
 from particlesim.colliders.sphere import BallRecord
 from particlesim.compiler import outlined
-from particlesim.engine.rigid.box_walls import SIDES as SIDES_OF_ROOM
-from particlesim.engine.rigid.box_walls import box_of, is_box, is_room, plane_of, room_of
 from particlesim.engine.rigid.bodies import (
     FEATURES,
     WORLD,
@@ -35,10 +32,11 @@ from particlesim.engine.rigid.bodies import (
     set_fall,
     set_surface,
 )
+from particlesim.engine.rigid.box_walls import SIDES as SIDES_OF_ROOM
+from particlesim.engine.rigid.box_walls import box_of, is_box, is_room, plane_of, room_of
 from particlesim.engine.rigid.ghosts import LOOK, is_beside, settle_ghosts
 from particlesim.engine.rigid.manifold import LEANING, OTHER, SPAN
 from particlesim.engine.rigid.narrow import (
-    GOLDEN,
     box_distance,
     box_normal,
     clamped,
@@ -48,14 +46,11 @@ from particlesim.engine.rigid.narrow import (
     touch_pieces,
 )
 from particlesim.engine.rigid.pieces import corner, solid_of
+from particlesim.engine.rigid.point_walls import FLAT, ball_on_wall, line_on_wall, point_on_wall
 from particlesim.engine.rigid.probing import away, probe
 from particlesim.engine.rigid.rotation import cross, dot, matrix, to_body, to_world
 from particlesim.laws.registry import gap
 
-FLAT = (PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord)
-"""Shapes whose nearest place to an edge is at one of its ends."""
-SECTIONS = 24
-"""Golden sections of an edge."""
 TURNS = 40
 """Alternating projections onto a box and a collider."""
 DRAWN_IN = 0.25
@@ -68,10 +63,6 @@ RIM = 4
 """Turns of the search for the lowest place of a circle."""
 CORNERS = 8
 """Places around a circle that may touch."""
-ASIDE, FARTHER, SAME_SIDE, HALVES, SIDES = 0.1, 4.0, 0.99, 8, 8
-"""How far from a side of a collider a ball looks for others, at least, in radii, and how many times as far as contacts are
-looked for; the cosine of the angle between two normals from which
-on they are of one side; looks at one; and numbers for the features of each."""
 AROUND = 16
 """Numbers for the features of a circle."""
 
@@ -186,64 +177,6 @@ def piece_on_wall(wall: Any, k: Any, p: Any, i: Any, s: Any, margin: Any, t: Any
         box_on_ball(c, plus((f.x, f.y, f.z), 1.0, out_of(f.rows, away_from)), k, i, s, margin, code)
     else:
         box_on_wall(wall, k, i, s, margin, t, code)
-
-
-def point_on_wall(wall: Any, k: Any, i: Any, at: Any, radius: Any, margin: Any, t: Any, code: Any) -> None:
-    """A contact of a point of a body with a radius."""
-    p = probe(at, radius, t)
-    distance = gap(wall.shape, p)
-    if distance < margin:
-        n = away(wall.shape, p)
-        add_contact(k, i, WORLD, code, plus(at, -(radius + distance), n), n, distance)
-
-
-@outlined
-def ball_on_wall(wall: Any, k: Any, i: Any, at: Any, radius: Any, margin: Any, t: Any, code: Any) -> None:
-    """Contacts of a ball: where it is nearest to the collider, and on up to two further sides of that, as in a corner, that
-    are nearest to places farther away from those which are known."""
-    begin = k.number[0]
-    point_on_wall(wall, k, i, at, radius, margin, t, code)
-    if isinstance(wall.shape, FLAT) or k.number[0] == begin:
-        return
-    known, shift = begin, (0.0, 0.0, 0.0)
-    aside = min(max(ASIDE * radius, FARTHER * margin), radius)
-    for more in range(1, 3):
-        shift = plus(shift, aside, row(k.normal, known))
-        there = plus(at, 1.0, shift)
-        y, m = nearest_side(wall.shape, there, at, t)
-        new = True
-        for c in range(begin, k.number[0]):
-            new = new and dot(row(k.normal, c), m) < SAME_SIDE
-        distance, known = dot(minus(at, y), m) - radius, k.number[0]
-        if not (new and distance < margin):
-            return
-        add_contact(k, i, WORLD, code + SIDES * more, plus(at, -(radius + distance), m), m, distance)
-        if k.number[0] == known:
-            return
-
-
-def nearest_side(shape: Any, start: Any, x: Any, t: Any) -> Any:
-    """The place of a surface that is nearest to x on the side which is nearest to where to start, and its normal there: from
-    half the way to it again and again."""
-    y, m = start, (0.0, 0.0, 0.0)
-    for turn in range(HALVES):
-        z = start if turn == 0 else plus(y, 0.5, minus(x, y))
-        p = probe(z, 0.0, t)
-        m = away(shape, p)
-        y = plus(z, -gap(shape, p), m)
-    return y, m
-
-
-def line_on_wall(
-    wall: Any, k: Any, i: Any, a: Any, c: Any, radius: Any, margin: Any, t: Any, code: Any
-) -> None:
-    """A contact between the ends of a line with a radius, where the collider is not flat and looks at its middle."""
-    d = minus(c, a)
-    middle = probe(plus(a, 0.5, d), radius + 0.5 * np.sqrt(dot(d, d)), t)
-    if gap(wall.shape, middle) < margin:
-        part = nearest_part(wall.shape, a, c, t)
-        if 0.01 < part < 0.99:
-            point_on_wall(wall, k, i, plus(a, part, d), radius, margin, t, code)
 
 
 def core_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:
@@ -508,19 +441,6 @@ def first_corner(edge: Any) -> int:
     if axis == 1:
         return int((m & 1) + 4 * (m // 2))
     return int(m)
-
-
-@outlined
-def nearest_part(shape: Any, a: Any, c: Any, t: Any) -> float:
-    """Where the way from a to c is nearest to a collider: 0 at a, 1 at c."""
-    low, high, d = 0.0, 1.0, minus(c, a)
-    for _ in range(SECTIONS):
-        s, u = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-        if gap(shape, probe(plus(a, s, d), 0.0, t)) < gap(shape, probe(plus(a, u, d), 0.0, t)):
-            high = u
-        else:
-            low = s
-    return 0.5 * (low + high)
 
 
 def box_on_ball(c: Any, center: Any, k: Any, i: Any, s: Any, margin: Any, code: Any) -> None:
