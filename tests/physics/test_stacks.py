@@ -170,3 +170,25 @@ def test_too_many_bodies_under_a_heavy_one_are_told() -> None:
     assert any("'heavy' have 1e+06 times the mass of 'light' (1e+06 kg, 1 kg)" in text for text in told)
     for others in ([light, heavy | {"mass": 100.0}], stack([1, 1e6])):
         assert not advice(ps.from_table(table(**parts, bodies=others)))
+
+
+@pytest.mark.parametrize(
+    "floor", [{"type": "plane"}, {"type": "box", "size": [10, 1, 10], "center": [0, -0.5, 0]}]
+)
+def test_ten_cylinders_on_end_come_to_rest(floor: dict[str, Any]) -> None:
+    # A face of a floor that is far larger than they are stays the one that contacts lie on, however little they lean.
+    law = {"restitution": 0.0, "friction": 0.5}
+    stack = {
+        "name": "stack",
+        "shape": {"type": "cylinder", "radius": 0.05, "length": 0.1},
+        "orientation": {"axis": [1, 0, 0], "angle": 90},
+        "layout": {"type": "points", "position": [[0, 0.05 + 0.1 * k, 0] for k in range(10)]},
+        **law,
+    }
+    parts = {"bodies": [stack], "colliders": [{**floor, **law}], "forces": [{"type": "gravity"}]}
+    world = Simulation(ps.from_table(table(2.5, 2e-3, **parts)), threads=1)
+    start = world.states[0].position.copy()
+    world.advance_to(1_250)
+    assert np.abs(world.states[0].position - start).max() < 2e-3
+    assert np.abs(world.states[0].velocity).max() < 1e-6
+    world.close()

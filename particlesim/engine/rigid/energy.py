@@ -15,8 +15,9 @@ from particlesim.engine.rigid.stops import MOTOR, turn_rate
 
 NOISE = 2.0**-40
 """The part of the energy of motion that a gain may be by rounding."""
-UNNOTICED = 1e-3
-"""What impulses that have been found may add, as a part of what all of them would add one by one."""
+UNNOTICED, FREED = 1e-3, 1.0
+"""What impulses that have been found may add, as a part of what all of them would add one by one; and what those that a step
+begins with add of it, at least, where bodies have come free."""
 
 
 def keep(now: Any, gained: Any, copy: Any) -> None:
@@ -132,7 +133,7 @@ def start_anew(b: Any, k: Any, motion: Any, h: Any) -> None:
     for cluster in range(motion.clusters[0]):
         if motion.first_component[cluster] < 0 and not is_driven(k, motion, cluster):
             gain, bend, _ = account(b, k, motion, cluster, h)
-            if gain > 0 and bend > 0:
+            if gain > FREED * bend:  # less is what they have not been found to
                 shrink(k, motion, cluster, max(1.0 - gain / bend, 0.0))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from particlesim.bodies.pieces import BOX, CAPSULE, CONE, CYLINDER, HULL, SPHERE
 from particlesim.compiler import on_stack, outlined
-from particlesim.engine.rigid.bodies import add_contact
+from particlesim.engine.rigid.bodies import WORLD, add_contact
 from particlesim.engine.rigid.convex import apart_along, less, separation
 from particlesim.engine.rigid.pieces import corner, roundness
 from particlesim.engine.rigid.rotation import cross, dot, to_body, to_world
@@ -62,7 +62,8 @@ def convex_contacts(k: Any, p: Any, i: Any, j: Any, s: Any, o: Any, margin: Any,
         if one >= 0:
             apart = apart_along(p, s, o, (-m_one[0], -m_one[1], -m_one[2]))
             if apart >= best:
-                best, which = apart + slack, 1
+                # a collider may be far larger: of faces that are as good its own is taken
+                best, which = apart + (slack if j != WORLD else -slack), 1
         two, m_two = facing(p, o, n)
         if two >= 0 and apart_along(p, s, o, m_two) >= best:
             which = 2

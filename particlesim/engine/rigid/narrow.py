@@ -18,7 +18,7 @@ import numpy as np
 
 from particlesim.bodies.pieces import BOX, CAPSULE, SPHERE
 from particlesim.compiler import on_stack, outlined, shared
-from particlesim.engine.rigid.bodies import add_contact, orientation, place, set_fall, set_surface
+from particlesim.engine.rigid.bodies import WORLD, add_contact, orientation, place, set_fall, set_surface
 from particlesim.engine.rigid.manifold import BESIDE, SPAN, convex_contacts
 from particlesim.engine.rigid.pieces import solid_of
 from particlesim.engine.rigid.rotation import dot, matrix, to_body, to_world
@@ -227,18 +227,23 @@ def box_box(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> N
     ri, rj, hi, hj = s.r, o.r, s.size, o.size
     d = minus(o.x, s.x)
     smallest = min(min(hi[0], min(hi[1], hi[2])), min(hj[0], min(hj[1], hj[2])))
-    best, which = -np.inf, 0
+    best, which, slack = -np.inf, 0, FACE_FIRST * smallest
     for axis in range(3):
         n = column(ri, axis)
         apart = abs(dot(d, n)) - entry(hi, axis) - extent(rj, hj, n)
         if apart > best:
             best, which = apart, axis
+    # Of faces that are as good the first is taken, so that a stack has the same contacts in every step; of a collider that
+    # of the collider, which may be far larger, so that the other one is worse as soon as the body leans.
+    if j == WORLD:
+        best -= 2 * slack
     for axis in range(3):
         n = column(rj, axis)
         apart = abs(dot(d, n)) - entry(hj, axis) - extent(ri, hi, n)
-        # Of faces that are as good the first is taken, so that a stack has the same contacts in every step.
-        if apart > best + FACE_FIRST * smallest:
+        if apart > best + slack:
             best, which = apart, 3 + axis
+    if j == WORLD and which < 3:
+        best += 2 * slack
     if best > margin:
         return
     crossing, first, second = -np.inf, 0, 0
