@@ -128,13 +128,13 @@ def gains(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> bool:
 
 @outlined
 def start_anew(b: Any, k: Any, motion: Any, h: Any) -> None:
-    """Make the impulses that clusters begin with, those of the last step, so small that they give no energy, as those of
-    bodies that were jammed and have come free would. Joints have not had theirs yet."""
+    """Have clusters begin without the impulses of the last step that would add more energy than all of them one by one, as
+    those of bodies that were jammed and have come free would. Joints have not had theirs yet."""
     for cluster in range(motion.clusters[0]):
         if motion.first_component[cluster] < 0 and not is_driven(k, motion, cluster):
             gain, bend, _ = account(b, k, motion, cluster, h)
             if gain > FREED * bend:  # less is what they have not been found to
-                shrink(k, motion, cluster, max(1.0 - gain / bend, 0.0))
+                shrink(k, motion, cluster, 0.0)
 
 
 @outlined
