@@ -233,8 +233,8 @@ def box_box(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> N
         apart = abs(dot(d, n)) - entry(hi, axis) - extent(rj, hj, n)
         if apart > best:
             best, which = apart, axis
-    # Of faces that are as good the first is taken, so that a stack has the same contacts in every step; of a collider that
-    # of the collider, which may be far larger, so that the other one is worse as soon as the body leans.
+    # Of faces that are as good the first is taken, so that a stack has the same contacts in every step; where one is that of
+    # a collider, it is that: a collider may be far larger, and then the other one is worse as soon as the body leans.
     if j == WORLD:
         best -= 2 * slack
     for axis in range(3):

@@ -25,16 +25,19 @@ PUSHES, MOST_PUSHES = 12, 400
 APART = 1e-3
 """Change of a speed that ends them then, as a part of it."""
 PART, LIFT, UNNOTICED = 0.2, 0.2, 0.005
-"""Part of an overlap that is taken away in a step; part of that, at least, where energy has to pay for it and surfaces run;
-and what else may be unpaid, as a part of what forces give in a step."""
+"""Part of an overlap that is taken away in a step; part of that, at least, where energy has to pay for it; and what may be
+unpaid besides, as a part of what forces give in a step."""
 
 
 @shared
 def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any, h: Any) -> bool:
-    """Velocities, into `apart`, that take away a part of what overlaps; whether there are any. Particles among bodies move
-    apart from each other, and from colliders, in their own step. Those that are carried do not give way to a body without
-    joints that presses them: it is put back as far as the energy pays for that which impulses have taken in this step, by
-    what it has gone on in the step, too; and they do not move one that does not press them."""
+    """Velocities, into `apart`, that take away a part of what overlaps, and at once what has come to it in this step; whether
+    there are any. What that costs against forces, impulses of the step have to have taken, or a part of it is done.
+
+    Particles among bodies move apart from each other, and from colliders, in their own step. Those that are carried do not
+    give way to a body without joints that presses them: it is put back, by what it has gone on in the step, too, as far as
+    that is paid; and they do not move one that does not press them.
+    """
     count, lifts = 0, False
     if guests is not None:
         note_carried(guests, k)

@@ -20,8 +20,8 @@ SECTIONS = 24
 """Golden sections of an edge."""
 ASIDE, FARTHER, SAME_SIDE, HALVES, SIDES = 0.1, 4.0, 0.99, 8, 8
 """How far from a side of a collider a ball looks for others, at least, in radii, and how many times as far as contacts are
-looked for; the cosine of the angle between two normals from which
-on they are of one side; looks at one; and numbers for the features of each."""
+looked for; the cosine of the angle between two normals from which on they are of one side; looks at one; and numbers for the
+features of each."""
 
 
 def point_on_wall(wall: Any, k: Any, i: Any, at: Any, radius: Any, margin: Any, t: Any, code: Any) -> None:
