@@ -31,8 +31,8 @@ unpaid besides, as a part of what forces give in a step."""
 
 @shared
 def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any, h: Any) -> bool:
-    """Velocities, into `apart`, that take away a part of what overlaps, and at once what has come to it in this step; whether
-    there are any. What that costs against forces, impulses of the step have to have taken, or a part of it is done.
+    """Velocities, into `apart`, that take away a part of what overlaps, and at once what has come to it in this step;
+    whether there are any. What that costs against forces, impulses of the step have to have taken, or a part is done.
 
     Particles among bodies move apart from each other, and from colliders, in their own step. Those that are carried do not
     give way to a body without joints that presses them: it is put back, by what it has gone on in the step, too, as far as
