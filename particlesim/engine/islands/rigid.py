@@ -142,8 +142,10 @@ class RigidIsland(BaseIsland):
         self.kept_from = 0
         self._party: tuple[Bodies, Scene, Motion] | None = None
         self._asked = False
-        self.watch, self.tired = self._scene.swift.watch, self._scene.swift.tired
-        """Which bodies have been swift, and how often they met more in half a step than is followed (`swift`)."""
+        swift = self._scene.swift
+        self.watch, self.tired, self.alone = swift.watch, swift.tired, swift.alone
+        """Which bodies have been swift, how often they met more in half a step than is followed (`swift`), and which of them
+        have been left to their drifts in this step (`oncoming`)."""
         self.visitors: Visitors | None = None
         """Particles that make the next step among the bodies."""
         self.pull_on: Callable[[float, Floats | None], tuple[Floats, Floats]] | None = None
@@ -274,7 +276,7 @@ class RigidIsland(BaseIsland):
             for given in (self._obstacles.given, *self._blows):
                 given[:] = 0.0
         whole, scene, motion = self._received(b, visitors)
-        guests, hurried = scene.guests, (self.watch.copy(), self.tired.copy())
+        guests, hurried = scene.guests, (self.watch.copy(), self.tired.copy(), self.alone.copy())
         if self._asked and self.pull_on is not None:  # as it would be asked for again
             visitors = inform(guests, visitors, self.pull_on(step * self.dt, None)[0], self.dt)
         while not step_bodies(scene, whole, self._contacts, motion, self.memory, step, 1, self.dt, report):
@@ -290,7 +292,7 @@ class RigidIsland(BaseIsland):
             else:
                 return self._fault(step, opened=report[0] == UNHELD)
             fill(whole, b, visitors)  # from its beginning
-            self.watch[:], self.tired[:] = hurried
+            self.watch[:], self.tired[:], self.alone[:] = hurried
             report[0] = GOOD
         self._have(whole)
         if self._obstacles is not None:
@@ -370,7 +372,7 @@ class RigidIsland(BaseIsland):
         time = 0.0 if self.kept_from is None else self.kept_from * self.dt
         look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
         while k.number[1]:
-            self._make_room(2 * int(k.number.sum()))
+            self._make_room(2 * int(k.number[:2].sum()))
             k = self._contacts
             look_for_contacts(self._scene, self.bodies(), k, self._motion, self.memory, time)
         colliders = colliders_of(self._structure)
@@ -430,7 +432,7 @@ class RigidIsland(BaseIsland):
     def _changing(self) -> list[NDArray[Any]]:
         """All that steps change, but for what is remembered of contacts."""
         b = self.bodies()
-        own = (b.x, b.v, b.turn, b.spin, self.watch, self.tired)
+        own = (b.x, b.v, b.turn, b.spin, self.watch, self.tired, self.alone)
         return [*own, *self.broken.values(), *self.ties.gained.values()]
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:

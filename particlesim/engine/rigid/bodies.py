@@ -63,8 +63,8 @@ class Contacts(NamedTuple):
     they are [k], 0 for others, and of motors the speed and the greatest impulse, of rolling friction the contact that
     presses and the radius [2, k]; of those solved for together what bounds friction, as an impulse and as a part of the
     one that presses (0: given) [k], and impulses to return to [k, 3]; 1 where joints are solved for after each impulse
-    (`braced`), else 0 [k]; accelerations along the normal by swinging (`swinging`) [k]. `number`: how many there are, and
-    how many found no room. `falls`: two laws by which restitution falls with the speed of an impact, the smaller of which
+    (`braced`), else 0 [k]; accelerations along the normal by swinging (`swinging`) [k]. `number`: how many there are,
+    how many found no room, and 1 where bodies fly and the first touch counts rather than firm rest (`narrow`). `falls`: two laws by which restitution falls with the speed of an impact, the smaller of which
     counts: that of slow ones, the speed above which it falls, and how fast [6, k]; None where none falls."""
 
     first: Any
@@ -151,7 +151,7 @@ def new_contacts(room: int, falls: bool = False) -> Contacts:
     names = np.zeros((2, room), np.int64)
     point, normal, surface, belt = (np.zeros((3, room)) for _ in range(4))
     gap, target, struck, late = np.zeros(room), np.zeros(room), np.zeros(room), np.zeros((4, room))
-    impulse, rows, number = np.zeros((room, 4)), np.zeros((room, 3, ROW)), np.zeros(2, np.int64)
+    impulse, rows, number = np.zeros((room, 4)), np.zeros((room, 3, ROW)), np.zeros(3, np.int64)
     before, onward, order = np.zeros((room, 3)), np.zeros((room, 3)), np.zeros(room, np.int64)
     return Contacts(
         *(first, second, feature, names, point, normal, gap, surface, belt, target, struck, late),

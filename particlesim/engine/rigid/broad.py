@@ -10,13 +10,12 @@ from particlesim.colliders.moving import spin_of
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.grains import find_guests
 from particlesim.engine.rigid.narrow import touch
+from particlesim.engine.rigid.oncoming import WATCHED, leave_to_drifts
 from particlesim.engine.rigid.rolling import find_rolling
 from particlesim.engine.rigid.stops import find_stops
 from particlesim.engine.rigid.support import find_support
 from particlesim.engine.rigid.walls import touch_wall
 
-WATCHED = 2
-"""Drifts for which what was swift is looked at (`swift`)."""
 NEAR = 0.1
 """Contacts that swift bodies have in the middle of a step are as near, in units of their inner radius: what is farther they
 meet in a drift. If they were kept from all that they may reach, they could not rebound from one into another."""
@@ -64,6 +63,7 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
             at -= 1
         order[at] = i
     find_pairs(scene, b, k, motion, order, n)
+    leave_to_drifts(scene, b, k, motion, t, h)
     if scene.joints is not None:
         find_stops(scene.stops, scene.joints, b, k, motion, h)
     if scene.guests is not None:

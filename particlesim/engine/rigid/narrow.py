@@ -19,6 +19,7 @@ import numpy as np
 from particlesim.bodies.pieces import BOX, CAPSULE, SPHERE
 from particlesim.compiler import on_stack, outlined, shared
 from particlesim.engine.rigid.bodies import WORLD, add_contact, orientation, place, set_fall, set_surface
+from particlesim.engine.rigid.convex import nearest
 from particlesim.engine.rigid.manifold import BESIDE, SPAN, convex_contacts
 from particlesim.engine.rigid.pieces import solid_of
 from particlesim.engine.rigid.rotation import dot, matrix, to_body, to_world
@@ -28,8 +29,12 @@ PARALLEL = 1e-6
 FACE_FIRST = 1e-3
 """Crossing edges must be this much better than faces, in units of the smaller box, to be taken for the contact: faces have
 several points, which rest more firmly."""
+ROUNDING = 1e-9
+"""The same where the first touch counts."""
 NEARLY = 0.97
 """Cosine of the angle between two directions, 14 degrees, from which on they count as nearly the same."""
+BESIDE_FACE = 4096 + 9
+"""Number of the feature of boxes whose nearest places are beside their faces."""
 SECTIONS = 40
 """Golden sections of a segment, each of which leaves 0.618 of it."""
 GOLDEN = 0.6180339887498949
@@ -67,7 +72,9 @@ def touch_pieces(k: Any, p: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, co
         convex_contacts(k, p, i, j, s, o, margin, code)
         return
     if s.kind == BOX and o.kind == BOX:
-        box_box(k, i, j, s, o, margin, code)
+        begin = k.number[0]
+        if box_box(k, i, j, s, o, margin, code) and k.number[0] == begin:
+            near_boxes(k, p, i, j, s, o, margin, code)
     elif s.kind == BOX:
         core_box(k, j, i, o, s, margin, -1.0, code)
     elif o.kind == BOX:
@@ -222,12 +229,12 @@ def extent(r: Any, half: Any, n: Any) -> Any:
 
 
 @outlined
-def box_box(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> None:
-    """Contacts of two boxes."""
-    ri, rj, hi, hj = s.r, o.r, s.size, o.size
+def box_box(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> bool:
+    """Contacts of two boxes; whether none of the directions parts them by more than a margin."""
+    ri, rj, hi, hj, first_touch = s.r, o.r, s.size, o.size, k.number[2] > 0
     d = minus(o.x, s.x)
     smallest = min(min(hi[0], min(hi[1], hi[2])), min(hj[0], min(hj[1], hj[2])))
-    best, which, slack = -np.inf, 0, FACE_FIRST * smallest
+    best, which, slack = -np.inf, 0, (ROUNDING if first_touch else FACE_FIRST) * smallest
     for axis in range(3):
         n = column(ri, axis)
         apart = abs(dot(d, n)) - entry(hi, axis) - extent(rj, hj, n)
@@ -245,7 +252,7 @@ def box_box(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> N
     if j == WORLD and which < 3:
         best += 2 * slack
     if best > margin:
-        return
+        return False
     crossing, first, second = -np.inf, 0, 0
     for p in range(3):
         for q in range(3):
@@ -256,13 +263,25 @@ def box_box(k: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> N
                 if apart > crossing:
                     crossing, first, second = apart, p, q
     if crossing > margin:
-        return
-    if crossing > best + FACE_FIRST * smallest and not nearly_face(ri, rj, which, first, second):
+        return False
+    if crossing > best + slack and (first_touch or not nearly_face(ri, rj, which, first, second)):
         edges(k, i, j, s.x, ri, rj, hi, hj, d, first, second, crossing, code)
     elif which < 3:
         faces(k, i, j, s.x, ri, rj, hi, hj, d, which, margin, 1.0, code)
     else:
         faces(k, j, i, o.x, rj, ri, hj, hi, turned(d, -1.0), which - 3, margin, -1.0, code)
+    return True
+
+
+@outlined
+def near_boxes(k: Any, p: Any, i: Any, j: Any, s: Any, o: Any, margin: Any, code: Any) -> None:
+    """The contact of two boxes that are nearest beside the face which parts them best: at a corner or an edge of it."""
+    found = on_stack(1, 9, np.float64)
+    gap = nearest(p, s, o, 1.0, found)
+    if 0 < gap < margin:
+        n = (found[0, 0], found[0, 1], found[0, 2])
+        at = plus((found[0, 6], found[0, 7], found[0, 8]), 0.5 * gap, n)
+        add_contact(k, i, j, code + BESIDE_FACE, at, n, gap)
 
 
 def nearly_face(ri: Any, rj: Any, which: Any, first: Any, second: Any) -> bool:

@@ -126,7 +126,7 @@ def farthest_corner(p: Any, number: Any, dx: Any, dy: Any, dz: Any) -> int:
 
 def own_support(p: Any, s: Any, d: Any) -> Any:
     """The place of the core of a piece that is farthest along a direction, both in its frame."""
-    if s.kind == HULL:
+    if p.corners is not None and s.kind == HULL:
         c = farthest_corner(p, s.number, d[0], d[1], d[2])
         return p.corners[0, c], p.corners[1, c], p.corners[2, c]
     if s.kind == BOX:

@@ -25,12 +25,13 @@ from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocit
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.acting import sum_all_forces
 from particlesim.engine.rigid.bodies import NOBODY, WORLD, new_contacts, orientation, place, row
-from particlesim.engine.rigid.broad import WATCHED, are_joined
+from particlesim.engine.rigid.broad import are_joined
 from particlesim.engine.rigid.contact_rows import direct, speed_along
 from particlesim.engine.rigid.free import move, own, velocity_of
 from particlesim.engine.rigid.hearing import note_swift
 from particlesim.engine.rigid.impact import rebound
 from particlesim.engine.rigid.narrow import minus, touch
+from particlesim.engine.rigid.oncoming import ELSE, TOUCHING, WATCHED, are_left, inner
 from particlesim.engine.rigid.probing import probe
 from particlesim.engine.rigid.rotation import dot, turned_freely
 from particlesim.engine.rigid.walls import touch_wall
@@ -40,10 +41,11 @@ SWIFT, VERY, JOINED = 0.5, 0.5, 1.0
 """Way in a drift from which on a body is swift, and very much so, in units of its inner radius, so that two that come to
 each other are not past each other before they are seen; and one in a joint, whose impacts the solver knows better, as it
 solves for joints with them. Looks cost: 1000 falling boxes that came a quarter as far took five times as long."""
-STRIDE = 0.25
-"""Way that a swift body comes without a look where it is near to others, in the same units."""
-TOUCHING = 1e-4
-"""Gap at which an impact is given, in the same units. What closes by less in a drift is left to the solver."""
+STRIDE, SHORT = 0.25, 0.02
+"""Way that a swift body comes without a look where it is near to others, in the same units; and one left to drifts."""
+FINE = 1e-7
+"""The gap at which those have their first impact that are left to drifts (`oncoming`), in the same units; each one doubles it
+up to `TOUCHING`."""
 MOST_IMPACTS, MOST_LOOKS = 256, 100_000
 """Impacts and looks of a body in a drift, after which it rests."""
 TURN, MOST_TURNS = 0.1, 100
@@ -51,14 +53,16 @@ TURN, MOST_TURNS = 0.1, 100
 square of this; if it were by that of all its turn, impacts would come to have part of the swings for good."""
 ROOM = 4096
 """Contacts of one body with one other for which there is room."""
+NOT, ALONE, ALL = 0, 1, 2
+"""Whether a body is on the list: it is not; it meets colliders and others that have been left to drifts (`oncoming`); or all."""
 
 
 class Swift(NamedTuple):
     """Room for what swift bodies do. By body: its inner radius, the farthest place from its centre that comes elsewhere when
     it turns [m], 1 where all of its pieces are spheres and capsules; where its way began [n, 7], when, until when it is
-    safe [s], and its impacts and looks in this drift [n]; whether it is on the list, and the list [n]. Contacts of a pair;
+    safe [s], and its impacts and looks in this drift [n]; whether it is on the list (`ALL`), and the list [n]. Contacts of a pair;
     the work of impacts in a step [J]. For how many drifts bodies are looked at if they are swift no more [n], and how often
-    they had more impacts than are followed, since the start."""
+    they had more impacts than are followed, since the start; whether they have been left to drifts in this step (`oncoming`) [n]."""
 
     inner: Any
     lever: Any
@@ -74,6 +78,7 @@ class Swift(NamedTuple):
     gain: Any
     watch: Any
     tired: Any
+    alone: Any
 
 
 def new_swift(shapes: Any, owner: Any, falls: bool) -> Swift:
@@ -89,7 +94,7 @@ def new_swift(shapes: Any, owner: Any, falls: bool) -> Swift:
     return Swift(
         *(inner[owner], lever[owner], core.astype(np.int64)[owner], np.zeros((n, 7))),
         *(begun, safe, impacts, looks, on, listed, new_contacts(ROOM, falls), np.zeros(1)),
-        *(np.zeros(n, np.int64), np.zeros(1, np.int64)),
+        *(np.zeros(n, np.int64), np.zeros(1, np.int64), np.zeros(n, np.int64)),
     )
 
 
@@ -133,13 +138,16 @@ def way_of(scene: Any, b: Any, motion: Any, i: Any, t: Any, h: Any) -> float:
     return float(most)
 
 
-def enlist(s: Any, count: Any, i: Any, t: Any) -> Any:
-    """Put a body on the list, with no look beyond time t; how many there are then."""
+def enlist(scene: Any, motion: Any, count: Any, i: Any, t: Any, h: Any) -> Any:
+    """Put a body on the list, with no look beyond time t; how many there are then. Its velocity is in `now`."""
+    s = scene.swift
     s.safe[i] = t
-    if s.on[i] > 0:
-        return count
-    s.on[i], s.listed[count] = 1, i
-    return count + 1
+    if s.on[i] == NOT:
+        s.on[i], s.listed[count] = ALONE, i
+        count += 1
+    if not (s.alone[i] != ELSE and h * speed_of(scene, motion, i) <= SWIFT * s.inner[i]):
+        s.on[i] = ALL
+    return count
 
 
 # ---- where bodies are
@@ -184,14 +192,21 @@ def go(b: Any, i: Any, h: Any, swift: Any) -> None:
 # ---- looks
 
 
+def close_to(scene: Any, b: Any, i: Any, j: Any) -> Any:
+    """The gap at which an impact of bodies i and j, or of i and a collider, is given [m]."""
+    s = scene.swift
+    fine = min(FINE * 2.0 ** s.impacts[i], TOUCHING) if are_left(scene, b, i, j) else TOUCHING
+    return inner(s, i, j) * fine
+
+
 @outlined
 def outlook(scene: Any, b: Any, motion: Any, i: Any, j: Any, fast: Any, known: Any, left: Any) -> float:
     """For how long bodies i and j, or i and a collider, may go on with the contacts that were found; −1 where they hit each
     other now. No place comes nearer to the other faster than `fast`; where it is not `known` that there are no other
     contacts on the way, they take a stride at most."""
     s, k = scene.swift, scene.swift.contacts
-    inner = s.inner[i] if j == WORLD else min(s.inner[i], s.inner[j])
-    touching, stride = TOUCHING * inner, STRIDE * inner / fast
+    touching, left_to = close_to(scene, b, i, j), are_left(scene, b, i, j)
+    stride = (SHORT if left_to else STRIDE) * inner(s, i, j) / fast
     least, soonest, hits = fast * left, left, False
     for c in range(k.number[0]):
         n, at = (
@@ -208,7 +223,7 @@ def outlook(scene: Any, b: Any, motion: Any, i: Any, j: Any, fast: Any, known: A
                 soonest = min(soonest, (g - 0.5 * touching) / -u)
     if hits:
         return -1.0
-    free = least / fast if known and k.number[1] == 0 else stride
+    free = least / fast if (known or left_to) and k.number[1] == 0 else stride
     return float(min(max(free, stride), soonest))
 
 
@@ -223,7 +238,8 @@ def look_at_wall(scene: Any, wall: Any, b: Any, motion: Any, i: Any, t: Any, lef
     if far > STRIDE * scene.swift.inner[i]:
         return float(far / fast)
     k.number[0] = k.number[1] = 0
-    touch_wall(scene, wall, b, k, i, fast * left + TOUCHING * scene.swift.inner[i], t, 0.0)
+    k.number[2] = 1 if are_left(scene, b, i, WORLD) else 0
+    touch_wall(scene, wall, b, k, i, fast * left + close_to(scene, b, i, WORLD), t, 0.0)
     return outlook(scene, b, motion, i, WORLD, fast, True, left)
 
 
@@ -236,13 +252,13 @@ def look_at_body(scene: Any, b: Any, motion: Any, i: Any, j: Any, now: Any, left
     fast = speed_of(scene, motion, i) + speed_of(scene, motion, j)
     d = minus(place(b, i), place(b, j))
     far = np.sqrt(dot(d, d)) - b.reach[i] - b.reach[j]
-    inner = min(s.inner[i], s.inner[j])
     if far > fast * left:
         return float(left)
-    if far > STRIDE * inner:
+    if far > STRIDE * inner(s, i, j):
         return float(far / fast)
     k.number[0] = k.number[1] = 0
-    touch(b, k, scene.surfaces, min(i, j), max(i, j), fast * left + TOUCHING * inner)
+    k.number[2] = 1 if are_left(scene, b, i, j) else 0
+    touch(b, k, scene.surfaces, min(i, j), max(i, j), fast * left + close_to(scene, b, i, j))
     return outlook(scene, b, motion, i, j, fast, s.core[i] > 0 and s.core[j] > 0, left)
 
 
@@ -254,9 +270,10 @@ def look_at_walls(scene: Any, b: Any, motion: Any, i: Any, t: Any, left: Any, la
         if least >= 0 and wall.on[b.group[i]] > 0:
             least = min(least, look_at_wall(scene, wall, b, motion, i, t, left))
             if least < 0:
+                close = 2 * close_to(scene, b, i, WORLD)
                 if scene.hearing is not None:
-                    note_swift(scene.hearing, b, s.contacts, motion, 2 * TOUCHING * s.inner[i], t)
-                s.gain[0] += rebound(b, s.contacts, motion, i, WORLD, 2 * TOUCHING * s.inner[i], late)
+                    note_swift(scene.hearing, b, s.contacts, motion, close, t)
+                s.gain[0] += rebound(b, s.contacts, motion, i, WORLD, close, late)
     return float(least)
 
 
@@ -270,7 +287,7 @@ def look_at_bodies(scene: Any, b: Any, motion: Any, i: Any, t: Any, now: Any, le
             free = look_at_body(scene, b, motion, i, j, now, left)
             least = min(least, free)
             if free < 0:
-                close = 2 * TOUCHING * min(s.inner[i], s.inner[j])
+                close = 2 * close_to(scene, b, i, j)
                 if scene.hearing is not None:
                     note_swift(scene.hearing, b, s.contacts, motion, close, t)
                 s.gain[0] += rebound(b, s.contacts, motion, i, j, close, late)
@@ -282,6 +299,8 @@ def may_meet(scene: Any, b: Any, i: Any, j: Any, speed: Any, now: Any, left: Any
     """Whether the balls about two bodies that touch each other may come together in the rest of a drift."""
     s = scene.swift
     if not scene.surfaces.touch[b.group[i], b.group[j]] > 0:
+        return False
+    if not (s.on[i] == ALL or s.on[j] == ALL or are_left(scene, b, i, j)):
         return False
     past = max(now - s.begun[j], 0.0)
     dx = b.x[0, i] - s.pose[j, 0] - past * b.v[0, j]
@@ -320,13 +339,14 @@ def list_swift(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> Any:
     """List the bodies that are or were swift, and have a drift begin; how many there are."""
     s, count = scene.swift, 0
     for i in range(own(scene, b)):
-        s.on[i] = 0
+        s.on[i] = NOT
         s.safe[i] = h
         way = way_of(scene, b, motion, i, t, h)
         free = scene.joints is None or scene.joined[i] == 0
         looks = way > (SWIFT if free else JOINED) * s.inner[i] or (free and s.watch[i] > 0)
         if looks and way < np.inf:
-            count = enlist(s, count, i, 0.0)
+            velocity_of(b, motion, i)
+            count = enlist(scene, motion, count, i, 0.0, h)
         s.watch[i] = WATCHED if way > VERY * s.inner[i] else max(s.watch[i] - 1, 0)
     for i in range(own(scene, b) if count > 0 else 0):
         keep_place(b, s, i)
@@ -351,11 +371,12 @@ def go_on(scene: Any, b: Any, motion: Any, i: Any, count: Any, t: Any, h: Any, s
     s.looks[i] += 1
     if struck:
         begin_anew(scene, b, i, now)
-        count = enlist(s, count, i, now)
+        count = enlist(scene, motion, count, i, now, h)
     if hit != NOBODY:
         begin_anew(scene, b, hit, now)
-        count = enlist(s, count, hit, now)
-        s.watch[hit] = WATCHED
+        count = enlist(scene, motion, count, hit, now, h)
+        if s.on[hit] == ALL:
+            s.watch[hit] = WATCHED
     for each in range(2):
         body = i if each == 0 else hit
         if body != NOBODY and (s.impacts[body] > MOST_IMPACTS or s.looks[body] > MOST_LOOKS):
