@@ -1,4 +1,5 @@
-"""Impacts of rigid bodies that nothing else takes part in are at their own time and place, however far they come in a step."""
+"""Impacts of rigid bodies that nothing else takes part in are at their own time and place, however far they come in a
+step."""
 
 from __future__ import annotations
 
@@ -34,8 +35,8 @@ def ball(name: str, x: Any, v: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("floor", [False, True])
 @pytest.mark.parametrize("way", [0.05, 0.4, 1.5])
 def test_balls_that_hit_off_centre_go_along_their_line_of_centres(way: float, floor: bool) -> None:
-    """The one at rest gets v cos θ along it, with sin θ = b/2R; so do billiard balls. It had been the line ahead of the impact:
-    up to 0.4 v off. At a gap of γ, sin θ = b/(2R + γ)."""
+    """The one at rest gets v cos θ along it, with sin θ = b/2R; so do billiard balls. It had been the line ahead of the
+    impact: up to 0.4 v off. At a gap of γ, sin θ = b/(2R + γ)."""
     speed = way * R / H
     up = [{"type": "gravity"}] if floor else []
     planes = [{"normal": [0, 1, 0], **ELASTIC, "restitution": 0.5}] if floor else []
@@ -46,7 +47,9 @@ def test_balls_that_hit_off_centre_go_along_their_line_of_centres(way: float, fl
         got = simulate(steps * H, H, bodies=bodies, forces=up, planes=planes).final.velocity
         sine = off / 2
         expected = speed * math.sqrt(1 - sine**2) * np.array([math.sqrt(1 - sine**2), 0.0, -sine])
-        gap = 1e-4 if floor and way > 1 else GAP  # what is swift and touches the ground is not seen to be alone
+        gap = (
+            1e-4 if floor and way > 1 else GAP
+        )  # what is swift and touches the ground is not seen to be alone
         most = 2 * gap * sine / math.sqrt(1 - sine**2) + 100 * EPS
         assert abs(got[1] - expected).max() < most * speed
         assert abs(got.sum(axis=0) - [speed, 0, 0]).max() < 100 * EPS * speed
@@ -55,7 +58,11 @@ def test_balls_that_hit_off_centre_go_along_their_line_of_centres(way: float, fl
 @pytest.mark.parametrize("shape", ["sphere", "capsule"])
 def test_what_passes_edges_without_touching_goes_straight_on(shape: str) -> None:
     """Past the edges of two boxes, by 0.1 to 1 mm: contacts ahead of an impact had thrown back one in thirty."""
-    boxes = [([0, -0.1, 0], [2, 0.2, 2]), ([0.5, 0.05, 0], [0.2, 0.1, 0.3]), ([-0.5, 0.15, 0], [0.1, 0.3, 0.4])]
+    boxes = [
+        ([0, -0.1, 0], [2, 0.2, 2]),
+        ([0.5, 0.05, 0], [0.2, 0.1, 0.3]),
+        ([-0.5, 0.15, 0], [0.1, 0.3, 0.4]),
+    ]
     colliders = [{"type": "union", "of": [{"type": "box", "center": c, "size": s} for c, s in boxes]}]
     size = {"type": shape, "radius": R} | ({"length": 0.1} if shape == "capsule" else {})
     rng = np.random.default_rng(2)
@@ -75,7 +82,9 @@ def gas(shape: str, *, room: bool) -> Simulation:
     for k, place in enumerate(itertools.product((-0.12, 0.0, 0.12), repeat=3)):
         motion = {"velocity": rng.normal(0, 2, 3).tolist(), "angular_velocity": rng.normal(0, 10, 3).tolist()}
         bodies += [{"name": f"body{k}", "shape": SHAPES[shape], "position": list(place), **motion, **ELASTIC}]
-    walls = [{"type": "box", "center": [0, 0, 0], "size": [0.45] * 3, "inside": True, **ELASTIC}] if room else []
+    walls = (
+        [{"type": "box", "center": [0, 0, 0], "size": [0.45] * 3, "inside": True, **ELASTIC}] if room else []
+    )
     return Simulation(ps.from_table(table(400 * H, H, bodies=bodies, colliders=walls)))
 
 
@@ -84,8 +93,8 @@ def gas(shape: str, *, room: bool) -> Simulation:
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_gas_of_elastic_bodies_keeps_what_there_is(shape: str, room: bool) -> None:
     """Energy, and momentum and angular momentum without a room. Impacts of several at once had taken 5 to 22 % of the energy
-    in so long; that of balls is kept to rounding. That of what turns swings by the square of a turn, and bodies with edges may
-    overlap a little where one of them comes to two others in a step."""
+    in so long; that of balls is kept to rounding. That of what turns swings by the square of a turn, and bodies with edges
+    may overlap a little where one of them comes to two others in a step."""
     simulation, rows = gas(shape, room=room), []
     for step in range(0, 401, 10):
         simulation.advance_to(step)
@@ -102,9 +111,9 @@ def test_a_gas_of_elastic_bodies_keeps_what_there_is(shape: str, room: bool) -> 
 
 
 def test_boxes_that_meet_at_edges_and_corners_do_not_overlap() -> None:
-    """Two boxes turned at random that turn, 8 mm in a step: momentum and angular momentum are kept to rounding. Of boxes that
-    were nearest beside the face that parts them best nothing was known until they overlapped, and edges within 14 degrees of
-    a face counted as that: they came into each other by up to a fifth of their size, and were pushed apart."""
+    """Two boxes turned at random that turn, 8 mm in a step: momentum and angular momentum are kept to rounding. Of boxes
+    that were nearest beside the face that parts them best nothing was known until they overlapped, and edges within 14
+    degrees of a face counted as that: they came into each other by up to a fifth of their size, and were pushed apart."""
     rng, speed, bodies = np.random.default_rng(7), 4.0, list[dict[str, Any]]()
     for k in range(60):
         way = rng.uniform(0.2, 0.25)

@@ -64,8 +64,9 @@ class Contacts(NamedTuple):
     presses and the radius [2, k]; of those solved for together what bounds friction, as an impulse and as a part of the
     one that presses (0: given) [k], and impulses to return to [k, 3]; 1 where joints are solved for after each impulse
     (`braced`), else 0 [k]; accelerations along the normal by swinging (`swinging`) [k]. `number`: how many there are,
-    how many found no room, and 1 where bodies fly and the first touch counts rather than firm rest (`narrow`). `falls`: two laws by which restitution falls with the speed of an impact, the smaller of which
-    counts: that of slow ones, the speed above which it falls, and how fast [6, k]; None where none falls."""
+    how many found no room, and 1 where bodies fly and the first touch counts rather than firm rest (`narrow`). `falls`: two
+    laws by which restitution falls with the speed of an impact, the smaller of which counts: that of slow ones, the speed
+    above which it falls, and how fast [6, k]; None where none falls."""
 
     first: Any
     second: Any

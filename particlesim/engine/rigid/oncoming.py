@@ -2,8 +2,8 @@
 
 Impulses in the middle of a step take the normal that there is then, ahead of the impact. That turns the way of what hits an
 edge or a ball by up to the way of a step over the radius, and of what passes it, too; and several of them at once may take
-energy where e = 1. Bodies that touch nothing may as well meet in drifts, one by one. So may balls on flat ground, as billiard
-balls, where an impact is along the ground.
+energy where e = 1. Bodies that touch nothing may as well meet in drifts, one by one. So may balls on flat ground, as
+billiard balls, where an impact is along the ground.
 
 A contact is left to drifts unless it closes in the step no faster than what comes to rest there does, if all bodies that it
 joins with others near to them have no joint, are `CROWD` at most where they rebound well, else one or two that come together
@@ -36,8 +36,8 @@ ACROSS = 1e-2
 WATCHED = 2
 """Drifts for which what is left to them, or was swift, is looked at."""
 CROWD, LIVELY = 64, 0.5
-"""Bodies near to each other that meet in drifts, and from which restitution on they do: others come together by so many impacts
-that the solver does better."""
+"""Bodies near to each other that meet in drifts, and from which restitution on they do: others come together by so many
+impacts that the solver does better."""
 ELSE, FLIES, LEFT = 0, 1, 2
 """Whether impacts of bodies are left to drifts: they are not; those that come from others that are, and are lively; all."""
 DULL, ASIDE = 3, 4
@@ -98,9 +98,10 @@ def find_closing(scene: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> boo
     turn, and others by 0, and where bodies come to rest by −1; whether there are impacts."""
     found = False
     for c in range(k.number[0]):
-        k.target[c] = 0.0
-        if k.turns[c] == 0 and k.gap[c] > 0:
-            k.target[c], found = 1.0, True
+        i, j = k.first[c], k.second[c]
+        moves = b.w[i] > 0 or (j != WORLD and b.w[j] > 0)
+        k.target[c] = 1.0 if moves and k.turns[c] == 0 and k.gap[c] > 0 else 0.0
+        found = found or k.target[c] > 0
     if not found:
         return False
     sum_all_forces(scene, b, motion, t)
@@ -165,9 +166,9 @@ def lie(s: Any, motion: Any, i: Any, n: Any) -> None:
 
 @outlined
 def find_crowds(b: Any, k: Any, motion: Any) -> None:
-    """The body that stands for those near to each other, into `parent`; for it, how many they are, into `gain`, and how often
-    something holds one of them in an impact, into `bend`; into `other`, impacts that are not lively, and those on colliders.
-    What nothing moves joins nobody."""
+    """The body that stands for those near to each other, into `parent`; for it, how many they are, into `gain`, and how
+    often something holds one of them in an impact, into `bend`; into `other`, impacts that are not lively, and those on
+    colliders. What nothing moves joins nobody."""
     parent, size, held, other = motion.parent, motion.gain, motion.bend, motion.other
     for i in range(b.w.size):
         parent[i], size[i], held[i], other[i, DULL], other[i, ASIDE] = i, 0.0, 0.0, 0.0, 0.0

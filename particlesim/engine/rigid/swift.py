@@ -23,9 +23,11 @@ import numpy as np
 from particlesim.bodies.pieces import CAPSULE
 from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
 from particlesim.compiler import outlined
+from particlesim.engine.queue import empty, new_queue, put_in_order
 from particlesim.engine.rigid.acting import sum_all_forces
 from particlesim.engine.rigid.bodies import NOBODY, WORLD, new_contacts, orientation, place, row
 from particlesim.engine.rigid.broad import are_joined
+from particlesim.engine.rigid.cells import follow, gather_near, new_cells, sort
 from particlesim.engine.rigid.contact_rows import direct, speed_along
 from particlesim.engine.rigid.free import move, own, velocity_of
 from particlesim.engine.rigid.hearing import note_swift
@@ -44,8 +46,8 @@ solves for joints with them. Looks cost: 1000 falling boxes that came a quarter 
 STRIDE, SHORT = 0.25, 0.02
 """Way that a swift body comes without a look where it is near to others, in the same units; and one left to drifts."""
 FINE = 1e-7
-"""The gap at which those have their first impact that are left to drifts (`oncoming`), in the same units; each one doubles it
-up to `TOUCHING`."""
+"""The gap at which those have their first impact that are left to drifts (`oncoming`), in the same units; each one doubles
+it up to `TOUCHING`."""
 MOST_IMPACTS, MOST_LOOKS = 256, 100_000
 """Impacts and looks of a body in a drift, after which it rests."""
 TURN, MOST_TURNS = 0.1, 100
@@ -54,31 +56,34 @@ square of this; if it were by that of all its turn, impacts would come to have p
 ROOM = 4096
 """Contacts of one body with one other for which there is room."""
 NOT, ALONE, ALL = 0, 1, 2
-"""Whether a body is on the list: it is not; it meets colliders and others that have been left to drifts (`oncoming`); or all."""
+"""Whether a body is in the queue: it is not; it meets colliders and others that have been left to drifts (`oncoming`); or
+all."""
 
 
 class Swift(NamedTuple):
     """Room for what swift bodies do. By body: its inner radius, the farthest place from its centre that comes elsewhere when
-    it turns [m], 1 where all of its pieces are spheres and capsules; where its way began [n, 7], when, until when it is
-    safe [s], and its impacts and looks in this drift [n]; whether it is on the list (`ALL`), and the list [n]. Contacts of a pair;
-    the work of impacts in a step [J]. For how many drifts bodies are looked at if they are swift no more [n], and how often
-    they had more impacts than are followed, since the start; whether they have been left to drifts in this step (`oncoming`) [n]."""
+    it turns [m], 1 where all of its pieces are spheres and capsules; where its way began [n, 7], when [s], and its impacts
+    and looks in this drift [n]; whether it is in the queue (`ALL`) [n], and the queue of the times until when they are safe.
+    Contacts of a pair; the work of impacts in a step [J]. For how many drifts bodies are looked at if they are swift no more
+    [n], and how often they had more impacts than are followed, since the start; whether they have been left to drifts in
+    this step (`oncoming`) [n]. Where bodies are (`cells`), and room for those near to one [n]."""
 
     inner: Any
     lever: Any
     core: Any
     pose: Any
     begun: Any
-    safe: Any
     impacts: Any
     looks: Any
     on: Any
-    listed: Any
+    queue: Any
     contacts: Any
     gain: Any
     watch: Any
     tired: Any
     alone: Any
+    cells: Any
+    near: Any
 
 
 def new_swift(shapes: Any, owner: Any, falls: bool) -> Swift:
@@ -89,12 +94,12 @@ def new_swift(shapes: Any, owner: Any, falls: bool) -> Swift:
     lever = np.where(inner >= reach, 0.0, reach)
     core = np.array([all(p.kind <= CAPSULE and p.size[2] == 0 for p in s.own_pieces()) for s in shapes])
     n = len(owner)
-    begun, safe, impacts, looks = (np.zeros(n) for _ in range(4))
-    on, listed = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    begun, impacts, looks = (np.zeros(n) for _ in range(3))
     return Swift(
         *(inner[owner], lever[owner], core.astype(np.int64)[owner], np.zeros((n, 7))),
-        *(begun, safe, impacts, looks, on, listed, new_contacts(ROOM, falls), np.zeros(1)),
+        *(begun, impacts, looks, np.zeros(n, np.int64), new_queue(n), new_contacts(ROOM, falls), np.zeros(1)),
         *(np.zeros(n, np.int64), np.zeros(1, np.int64), np.zeros(n, np.int64)),
+        *(new_cells(n), np.zeros(n, np.int64)),
     )
 
 
@@ -138,16 +143,20 @@ def way_of(scene: Any, b: Any, motion: Any, i: Any, t: Any, h: Any) -> float:
     return float(most)
 
 
-def enlist(scene: Any, motion: Any, count: Any, i: Any, t: Any, h: Any) -> Any:
-    """Put a body on the list, with no look beyond time t; how many there are then. Its velocity is in `now`."""
+def enlist(scene: Any, motion: Any, i: Any, t: Any, h: Any) -> None:
+    """Put a body in the queue, with no look beyond time t. Its velocity is in `now`."""
     s = scene.swift
-    s.safe[i] = t
-    if s.on[i] == NOT:
-        s.on[i], s.listed[count] = ALONE, i
-        count += 1
     if not (s.alone[i] != ELSE and h * speed_of(scene, motion, i) <= SWIFT * s.inner[i]):
         s.on[i] = ALL
-    return count
+    elif s.on[i] == NOT:
+        s.on[i] = ALONE
+    wait(s, i, t)
+
+
+def wait(s: Any, i: Any, t: Any) -> None:
+    """Body i is safe until time t."""
+    s.queue.due[i] = t
+    put_in_order(s.queue, i)
 
 
 # ---- where bodies are
@@ -282,7 +291,9 @@ def look_at_bodies(scene: Any, b: Any, motion: Any, i: Any, t: Any, now: Any, le
     """For how long body i may go on at time t beside all others, and the one that it has rebounded from, NOBODY if there
     is none."""
     s, least, hit, speed = scene.swift, left, NOBODY, speed_of(scene, motion, i)
-    for j in range(own(scene, b)):
+    count = gather_near(s.cells, b, i, left, own(scene, b), s.near)
+    for at in range(count):
+        j = s.near[at]
         if hit == NOBODY and j != i and may_meet(scene, b, i, j, speed, now, left):
             free = look_at_body(scene, b, motion, i, j, now, left)
             least = min(least, free)
@@ -317,47 +328,47 @@ def may_meet(scene: Any, b: Any, i: Any, j: Any, speed: Any, now: Any, left: Any
 @outlined
 def hasten(scene: Any, b: Any, motion: Any, t: Any, h: Any, second: Any) -> bool:
     """Have swift bodies meet what is on their way in a drift of h from time t on, the `second` of a step or the first.
-    Whether there are any; those that are on the list have made their drift then, but for joints."""
-    s, count = scene.swift, list_swift(scene, b, motion, t, h)
-    if count == 0:
+    Whether there are any; those that are in the queue have made their drift then, but for joints."""
+    s = scene.swift
+    list_swift(scene, b, motion, t, h)
+    if s.queue.size[0] == 0:
         return False
     for i in range(b.w.size):
         velocity_of(b, motion, i)
     if not second:  # else they are those of the kick
         sum_all_forces(scene, b, motion, t)
-    i = next_of(s, count)
-    while s.safe[i] < h:
-        count = go_on(scene, b, motion, i, count, t, h, second)
-        i = next_of(s, count)
+    while s.queue.due[s.queue.order[0]] < h:
+        go_on(scene, b, motion, s.queue.order[0], t, h, second)
     for i in range(own(scene, b)):
         free = scene.joints is None or scene.joined[i] == 0
         bring(b, s, i, h if free and s.on[i] > 0 else 0.0)
     return True
 
 
-def list_swift(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> Any:
-    """List the bodies that are or were swift, and have a drift begin; how many there are."""
-    s, count = scene.swift, 0
+def list_swift(scene: Any, b: Any, motion: Any, t: Any, h: Any) -> None:
+    """Queue the bodies that are or were swift, or left to drifts, and have a drift begin."""
+    s = scene.swift
+    empty(s.queue)
     for i in range(own(scene, b)):
         s.on[i] = NOT
-        s.safe[i] = h
         way = way_of(scene, b, motion, i, t, h)
         free = scene.joints is None or scene.joined[i] == 0
         looks = way > (SWIFT if free else JOINED) * s.inner[i] or (free and s.watch[i] > 0)
         if looks and way < np.inf:
             velocity_of(b, motion, i)
-            count = enlist(scene, motion, count, i, 0.0, h)
+            enlist(scene, motion, i, 0.0, h)
         s.watch[i] = WATCHED if way > VERY * s.inner[i] else max(s.watch[i] - 1, 0)
-    for i in range(own(scene, b) if count > 0 else 0):
-        keep_place(b, s, i)
-        s.begun[i] = s.impacts[i] = s.looks[i] = 0.0
-    return count
+    if s.queue.size[0] > 0:
+        sort(s.cells, b, own(scene, b), h)
+        for i in range(own(scene, b)):
+            keep_place(b, s, i)
+            s.begun[i] = s.impacts[i] = s.looks[i] = 0.0
 
 
 @outlined
-def go_on(scene: Any, b: Any, motion: Any, i: Any, count: Any, t: Any, h: Any, second: Any) -> Any:
-    """Body i goes to the end of its safe time and looks around; how many are on the list then."""
-    s, hit, now = scene.swift, NOBODY, scene.swift.safe[i]
+def go_on(scene: Any, b: Any, motion: Any, i: Any, t: Any, h: Any, second: Any) -> None:
+    """Body i goes to the end of its safe time and looks around."""
+    s, hit, now = scene.swift, NOBODY, scene.swift.queue.due[i]
     late = now - h if second else now
     bring(b, s, i, now)
     velocity_of(b, motion, i)
@@ -367,34 +378,24 @@ def go_on(scene: Any, b: Any, motion: Any, i: Any, count: Any, t: Any, h: Any, s
         beside, hit = look_at_bodies(scene, b, motion, i, t + now, now, h - now, late)
         free = min(free, beside)
         struck = hit != NOBODY
-    s.safe[i] = min(now + free, h)
     s.looks[i] += 1
     if struck:
-        begin_anew(scene, b, i, now)
-        count = enlist(scene, motion, count, i, now, h)
+        begin_anew(scene, b, i, now, h)
+        enlist(scene, motion, i, now, h)
+    else:
+        wait(s, i, min(now + free, h))
     if hit != NOBODY:
-        begin_anew(scene, b, hit, now)
-        count = enlist(scene, motion, count, hit, now, h)
+        begin_anew(scene, b, hit, now, h)
+        enlist(scene, motion, hit, now, h)
         if s.on[hit] == ALL:
             s.watch[hit] = WATCHED
     for each in range(2):
         body = i if each == 0 else hit
         if body != NOBODY and (s.impacts[body] > MOST_IMPACTS or s.looks[body] > MOST_LOOKS):
             stop(b, s, body, now, h)
-    return count
 
 
-def next_of(s: Any, count: Any) -> Any:
-    """The body on the list that is safe for the shortest time."""
-    best = s.listed[0]
-    for at in range(1, count):
-        i = s.listed[at]
-        if s.safe[i] < s.safe[best] or (s.safe[i] == s.safe[best] and i < best):
-            best = i
-    return best
-
-
-def begin_anew(scene: Any, b: Any, i: Any, now: Any) -> None:
+def begin_anew(scene: Any, b: Any, i: Any, now: Any, h: Any) -> None:
     """After an impact a body goes on from where it is; one in a joint, whose drift is made as a whole, counts as having had
     it at the beginning."""
     s = scene.swift
@@ -402,11 +403,13 @@ def begin_anew(scene: Any, b: Any, i: Any, now: Any) -> None:
     if scene.joints is None or scene.joined[i] == 0:
         keep_place(b, s, i)
         s.begun[i] = now
+    follow(s.cells, b, i, h - now)
 
 
 def stop(b: Any, s: Any, i: Any, now: Any, h: Any) -> None:
     """A body rests until the end of the drift where it is."""
     bring(b, s, i, now)
     keep_place(b, s, i)
-    s.begun[i] = s.safe[i] = h
+    s.begun[i] = h
+    wait(s, i, h)
     s.tired[0] += 1

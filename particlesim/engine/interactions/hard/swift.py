@@ -37,8 +37,6 @@ from particlesim.engine.interactions.hard.ways import (
     LIES,
     PARTNER,
     SEEN,
-    SIZE,
-    SLOT,
     STRAIGHT,
     STRUCK,
     THROWN,
@@ -51,6 +49,7 @@ from particlesim.engine.interactions.hard.ways import (
     is_member,
     place_at,
 )
+from particlesim.engine.queue import empty, put_in_order
 from particlesim.engine.state.columns import type_of
 
 ANEW = 2
@@ -76,17 +75,17 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, t: Any, h: A
             low, high = float(lap) / laps, float(lap + 1) / laps
             box_ways(f, low, high)
             begin_lap(f, low, high)
-            while w.number[SIZE] > 0 and soonest(w, w.queue[0]) <= high:
-                i = w.queue[0]
-                s, j = soonest(w, i), w.what[PARTNER, i]
+            while w.queue.size[0] > 0 and w.queue.due[w.queue.order[0]] <= high:
+                i = w.queue.order[0]
+                s, j = w.queue.due[i], w.what[PARTNER, i]
                 if w.when[WALL, i] <= w.when[DUE, i]:
                     if hit_wall(w, fed, parts, c, i, t, h):
                         go_on(f, parts, c, i, s, high, t, h)
                     else:
-                        put_in_order(w, i)
+                        enqueue(w, i)
                 elif w.what[SEEN, i] != w.what[TURNED, j]:  # the other has taken another way since
                     find_next(f, i, s, high)
-                    put_in_order(w, i)
+                    enqueue(w, i)
                 else:
                     for law, each in enumerate(sets):
                         if w.what[LAW, i] == law:
@@ -202,19 +201,18 @@ def is_unknown(w: Any, i: Any, alone: bool) -> Any:
     return (w.when[BEND, i] == STRAIGHT) & (w.light[i] > 0) & (not known)
 
 
-# ---- the queue: a heap, with the particle whose impact is next at its top
+# ---- the queue
 
 
 @shared
 def begin_lap(f: Any, low: Any, high: Any) -> None:
     """Queue all that are followed with their first impacts between two times."""
     w = f.ways
-    w.number[SIZE] = 0
-    for i in range(w.queue.size):
-        w.what[SLOT, i] = 0
+    empty(w.queue)
+    for i in range(w.light.size):
         if w.what[FOLLOWED, i] > 0:
             find_next(f, i, low, high)
-            put_in_order(w, i)
+            enqueue(w, i)
 
 
 @outlined
@@ -225,52 +223,15 @@ def go_on(f: Any, parts: Any, c: Any, i: Any, s: Any, high: Any, t: Any, h: Any)
     box_way(f, i, s, high)
     find_wall(w, parts, c, i, t, h)
     find_next(f, i, s, high)
-    put_in_order(w, i)
+    enqueue(w, i)
 
 
-def soonest(w: Any, i: Any) -> Any:
-    """The time of the next impact of a particle."""
-    return min(w.when[DUE, i], w.when[WALL, i])
-
-
-def comes_first(w: Any, i: Any, j: Any) -> Any:
-    """Whether the next impact of a particle is before that of another one."""
-    a, b = soonest(w, i), soonest(w, j)
-    return (a < b) | ((a == b) & (i < j))
-
-
-@shared
-def put_in_order(w: Any, i: Any) -> None:
-    """Put a particle where it belongs in the queue after its next impact has changed; at the end if it has none."""
-    k = w.what[SLOT, i] - 1
-    if k < 0:
-        if soonest(w, i) == np.inf:
-            return
-        k = w.number[SIZE]
-        w.number[SIZE] += 1
-        put(w, k, i)
-    while k > 0 and comes_first(w, i, w.queue[(k - 1) // 2]):
-        put(w, k, w.queue[(k - 1) // 2])
-        k = (k - 1) // 2
-        put(w, k, i)
-    sinks = True
-    while sinks:
-        child = 2 * k + 1
-        if child + 1 < w.number[SIZE]:
-            child += 1 if comes_first(w, w.queue[child + 1], w.queue[child]) else 0
-        sinks = False
-        if child < w.number[SIZE]:
-            sinks = comes_first(w, w.queue[child], i)
-        if sinks:
-            put(w, k, w.queue[child])
-            k = child
-            put(w, k, i)
-
-
-def put(w: Any, k: Any, i: Any) -> None:
-    """Put a particle in place k of the queue."""
-    w.queue[k] = i
-    w.what[SLOT, i] = k + 1
+def enqueue(w: Any, i: Any) -> None:
+    """Put a particle where it belongs in the queue after its next impact has changed; what is there stays, and what has none
+    does not come."""
+    w.queue.due[i] = min(w.when[DUE, i], w.when[WALL, i])
+    if w.queue.slot[i] > 0 or w.queue.due[i] < np.inf:
+        put_in_order(w.queue, i)
 
 
 # ---- what comes of it

@@ -109,6 +109,6 @@ def unexplained(w: Any, i: Any) -> Any:
 @shared
 def bend_thrown(w: Any, c: Any, h: Any) -> None:
     """Bend the ways of all that have been thrown back."""
-    for i in range(w.queue.size):
+    for i in range(w.light.size):
         if w.what[THROWN, i] > 0:
             bend_way(w, i, float(c.r[i]), h)

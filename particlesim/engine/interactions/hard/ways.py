@@ -19,23 +19,24 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.bench import REST
 from particlesim.engine.interactions.neighbours.record import GROUP, level_starts
+from particlesim.engine.queue import new_queue
 from particlesim.engine.state.columns import held, span
 
 BEGUN, BEND, ENDS, DUE, WALL = range(5)
 """Rows of `when`: the times at which a way begins, bends, and ends, 1 or that of a death, and of its next impacts, on
 another particle and on a collider; a way bends after 1 if it does not, and ends before 0 where a particle is not there."""
-TURNED, PARTNER, SEEN, SLOT, IMPACTS, SIDE, FOLLOWED, THROWN, LAW, HIT = range(10)
+TURNED, PARTNER, SEEN, IMPACTS, SIDE, FOLLOWED, THROWN, LAW, HIT = range(9)
 """Rows of `what`: how often a way has changed, with whom its next impact is, how often that one's way had changed when that
-was found, where it is in the queue, counted from 1, 0 if it is not, how many impacts it has had in the step, which collider
-is next, or which body as −1 and less, whether it is looked at where it goes, what has thrown it back before, if something
-has, by which of all contacts its next impact is, and whether another particle has hit it."""
+was found, how many impacts it has had in the step, which collider is next, or which body as −1 and less, whether it is
+looked at where it goes, what has thrown it back before, if something has, by which of all contacts its next impact is, and
+whether another particle has hit it."""
 SOMETHING, COLLIDER, LIES = 1, 2, 3
 """For THROWN: that it moves as no method does, that a collider has thrown it back, and that it lies on one, or hops no
 higher than what lies."""
 MOST_IMPACTS = 64
 """Impacts of a particle in a step, after which it stays where it is until the end of the step."""
-SIZE, STRUCK = range(2)
-"""In `number`: how many are in the queue, and whether an impact has taken place in the step."""
+STRUCK = 0
+"""In `number`: whether an impact has taken place in the step."""
 STRAIGHT = 2.0
 """The BEND of a way of one leg."""
 SPINS = 9
@@ -48,7 +49,7 @@ class Ways(NamedTuple):
     """Of every particle, in double precision: where its way begins, how far it leads in a whole step, both again after its
     bend, [3, n] each [m]; its velocity at the end of the step, that without what has thrown it back, by how much forces
     change it in a whole step, and how much of that a collider carries on which it lies [3, n] [m/s]; its angular velocity at
-    the end and at the beginning [3, n] [rad/s]; times [5, n], numbers [10, n]; the displacement of the image that it meets
+    the end and at the beginning [3, n] [rad/s]; times [5, n], numbers [9, n]; the displacement of the image that it meets
     next [3, n] [m]; its inverse mass, 0 of what nothing moves [n] [1/kg]; what to add to its place in a periodic box for an
     image inside [3, n] [m].
 
@@ -56,7 +57,7 @@ class Ways(NamedTuple):
     to goes in the step [m], with the normal there, and how often that body's way had
     changed then (`met` [7, n]).
 
-    The queue of impacts [n], and how many there are, and more [2]; by which part of a step velocities are late [1]. Of one
+    The queue of impacts, and whether there has been one [1]; by which part of a step velocities are late [1]. Of one
     impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in
     space are neighbours [room], −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and
     the cell of each [n]. Boxes about the ways of groups in that order and of nodes above them [6, nodes], and where their
@@ -111,14 +112,14 @@ def new_ways(particles: int, lag: float, obstacles: Any) -> Ways:
     return Ways(
         *(at, go, bend, on, speed, first, force, carried, spin, spun),
         np.zeros((5, particles)),
-        np.zeros((10, particles), np.int64),
+        np.zeros((9, particles), np.int64),
         np.zeros((3, particles)),
         np.zeros(particles),
         np.zeros((3, particles)),
         obstacles,
         np.zeros((7, 0 if obstacles is None else particles)),
-        np.zeros(particles, np.int64),
-        np.zeros(2, np.int64),
+        new_queue(particles),
+        np.zeros(1, np.int64),
         np.array([lag]),
         np.zeros((4, 2)),
         np.zeros(GROUP * groups, np.int64),
@@ -143,7 +144,7 @@ def begin_ways(f: Any, a: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """The ways of all members in a step of h that ends at time t; `a`: their inverse masses."""
     w = f.ways
     for i in range(w.light.size):
-        for row in range(10):
+        for row in range(w.what.shape[0]):
             w.what[row, i] = 0
         w.when[DUE, i], w.when[WALL, i], w.when[ENDS, i] = np.inf, np.inf, -1.0
         w.carried[0, i] = w.carried[1, i] = w.carried[2, i] = 0.0
