@@ -192,6 +192,35 @@ def test_rotation_is_of_second_order(tmp_path: Path) -> None:
 # ---- slopes
 
 
+@pytest.mark.parametrize("mu", [0.1, 0.5])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        {"type": "box", "size": [0.2, 0.2, 0.2]},
+        {"type": "box", "size": [0.4, 0.1, 0.2]},
+        {"type": "cylinder", "radius": 0.1, "length": 0.1},
+    ],
+    ids=["cube", "brick", "cylinder"],
+)
+def test_what_slides_askew_is_slowed_against_its_way(shape: dict[str, Any], mu: float) -> None:
+    """v t − μ g t²/2 along its way, to rounding, and it turns nowhere: friction presses at the centre of what bears it,
+    which is ahead along the way. Each of two directions had its own mass, which took a brick aside by a tenth of its way."""
+    height = shape["size"][1] if shape["type"] == "box" else 0.1
+    upright = {"axis": [1, 0, 0], "angle": 90.0} if shape["type"] == "cylinder" else None
+    for yaw, heading in ((0.0, 30.0), (20.0, 30.0), (45.0, -70.0)):
+        way = np.array([math.cos(math.radians(heading)), 0.0, math.sin(math.radians(heading))])
+        facing = upright or {"axis": [0, 1, 0], "angle": yaw}
+        slides = body(shape, mass=1.0, friction=mu, restitution=0.0, orientation=facing)
+        slides |= {"position": [0, height / 2, 0], "velocity": (3.0 * way).tolist()}
+        time = 0.5
+        floor = FLOOR | {"friction": mu, "restitution": 0.0}
+        got = simulate(time, 1e-3, bodies=[slides], planes=[floor], forces=GRAVITY).final
+        expected = (3.0 * time - mu * G * time**2 / 2) * way + [0, height / 2, 0]
+        assert np.abs(got.position[0] - expected).max() < 1e-9
+        assert np.abs(got.velocity[0] - (3.0 - mu * G * time) * way).max() < 1e-9
+        assert np.abs(got.angular_velocity[0]).max() < 1e-9
+
+
 def slope(
     angle: float, thing: dict[str, Any], mu: float, duration: float = 0.5
 ) -> tuple[Array, Array, Array]:

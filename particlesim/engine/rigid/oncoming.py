@@ -19,11 +19,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.acting import sum_all_forces
-from particlesim.engine.rigid.bodies import WORLD, row
+from particlesim.engine.rigid.bodies import WORLD, place, row
 from particlesim.engine.rigid.clusters import root, unite
 from particlesim.engine.rigid.contact_rows import direct, speed_along
+from particlesim.engine.rigid.narrow import minus
 from particlesim.engine.rigid.rotation import dot
 from particlesim.engine.rigid.stops import ROLL
 from particlesim.engine.rigid.timing import RESTING, kick_along
@@ -43,7 +46,8 @@ ELSE, FLIES, LEFT = 0, 1, 2
 DULL, ASIDE = 3, 4
 """Columns of `other`: after the direction of the ground."""
 FREE, ROLLS, HELD = 0.0, 1.0, 2.0
-"""What a body touches: nothing; all contacts of a ball press along one direction; more, or it has a joint."""
+"""What a body touches: nothing; all contacts of a ball press along one direction; more, or it has a joint, or particles are
+near."""
 
 
 @outlined
@@ -51,6 +55,8 @@ def leave_to_drifts(scene: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> 
     """Take away the contacts that the next drifts meet, and have their bodies looked at there."""
     found = find_closing(scene, b, k, motion, t, h)
     note_ground(scene, b, k, motion)
+    if scene.guests is not None:
+        note_guests(scene.guests, b, motion, scene.slop, h)
     for i in range(scene.swift.alone.size):
         scene.swift.alone[i] = FLIES if motion.low[i] == FREE and b.w[i] > 0 else ELSE
     if not found:
@@ -162,6 +168,20 @@ def lie(s: Any, motion: Any, i: Any, n: Any) -> None:
         motion.low[i] = ROLLS
         for axis in range(3):
             ground[axis] = n[0] if axis == 0 else (n[1] if axis == 1 else n[2])
+
+
+@outlined
+def note_guests(guests: Any, b: Any, motion: Any, slop: Any, h: Any) -> None:
+    """Note which bodies particles may touch in a step of length h: those are not free."""
+    for i in range(guests.first):
+        group = b.group[i]
+        for m in range(guests.radius.size if motion.low[i] != HELD else 0):
+            if motion.low[i] != HELD and guests.touch[guests.kind[m], group] > 0:
+                guest, now = guests.first + m, motion.now[i]
+                d, other = minus(place(b, guest), place(b, i)), motion.now[guest]
+                u = (other[0] - now[0], other[1] - now[1], other[2] - now[2])
+                near = b.reach[i] + guests.radius[m] + h * np.sqrt(dot(u, u)) + slop
+                motion.low[i] = HELD if dot(d, d) < near * near else motion.low[i]
 
 
 @outlined

@@ -169,11 +169,14 @@ def sweep(b: Any, k: Any, motion: Any, joints: Any, first: Any, last: Any, backw
                     level_there(b, k, joints, motion.now, motion.gained, c)
         if k.surface[1, c] > 0 and (press > 0 or k.impulse[c, 1] != 0 or k.impulse[c, 2] != 0):
             p, q = k.impulse[c, 1], k.impulse[c, 2]
-            one = p - e[1, 15] * speed_along(k, motion, c, 1)
-            two = q - e[2, 15] * speed_along(k, motion, c, 2)
-            size = np.sqrt(one * one + two * two)
-            if size > k.surface[1, c] * press:
-                part = k.surface[2, c] * press / size
+            u, w, most = speed_along(k, motion, c, 1), speed_along(k, motion, c, 2), k.surface[1, c] * press
+            one, two = p - e[1, 15] * u, q - e[2, 15] * w
+            if one * one + two * two > most * most:
+                # What slides is slowed against its way: both directions with the same mass, or they would turn it.
+                mass = min(e[1, 15], e[2, 15])
+                one, two = p - mass * u, q - mass * w
+                size = np.sqrt(one * one + two * two)
+                part = k.surface[2, c] * press / size if size > most else 1.0
                 one, two = one * part, two * part
             strike(b, k, motion, c, 1, one - p)
             strike(b, k, motion, c, 2, two - q)
