@@ -78,6 +78,7 @@ class Meetings:
 
     def invite(self) -> None:
         """Before bodies make a step: particles that may touch them in it, or are tied to them, are their guests."""
+        from particlesim.engine.rigid.cells import new_cells
         from particlesim.engine.rigid.grains import near_bodies
         from particlesim.engine.rigid.visit import among
 
@@ -85,14 +86,16 @@ class Meetings:
         bodies, ties = self._bodies.bodies(), self._bodies.ties
         self._chosen = ties.on_rods()
         held = [np.zeros(len(rows), np.int64) for _, rows in self._chosen]
-        swift, found = [*held], []
+        (swift, found), count = ([*held], []), bodies.w.size
+        cells, around = new_cells(count), np.zeros(count, np.int64)
         for state in self._states:
             n = state.count
             x, v = (np.ascontiguousarray(each[:, :n], float) for each in (state.x, state.v))
             radius, near = state.radius[:n].astype(float), np.zeros(n, np.int64)
             touch = self._surfaces[state.name].touch
             if touch.any():
-                near_bodies(bodies, touch, x, v, radius, self._bodies.slop, self._dt, near)
+                slop, dt = self._bodies.slop, self._dt
+                near_bodies(bodies, touch, x, v, radius, slop, dt, cells, around, near)
             tied = self._tied.get(state.name, np.empty(0, np.int64))
             near[tied] = np.maximum(near[tied], 1)
             near[self._held.get(state.name, [])] = 0

@@ -1,9 +1,8 @@
-"""Cells of a grid in which bodies are at the beginning of a drift, for those that look at what is near to them (`swift`).
+"""Cells of a grid in which bodies are, for others that look at what is near to them (`swift`), and for particles (`grains`).
 
-A body counts as a ball about its centre that holds all of it until the end of the drift. Those with balls of more than
-`LARGE` times the mean size are in no cell, and everybody looks at them. Cells are as wide as the largest of the others, and
-have numbers by a hash of three integers, so that their number is that of bodies, however far these are from each other.
-"""
+A body counts as a ball about its centre that holds all of it for a time. Those with balls of more than `LARGE` times the
+mean size are in no cell, and everybody looks at them. Cells are `WIDE` times as wide as the largest of the others, and have
+numbers by a hash of three integers, so that their number is that of bodies, however far these are from each other."""
 
 from __future__ import annotations
 
@@ -13,8 +12,8 @@ import numpy as np
 
 from particlesim.compiler import outlined
 
-FEW, LARGE = 32, 2.0
-"""Up to how many bodies need no cells; balls of how many times the mean size are in none."""
+FEW, LARGE, WIDE = 8, 2.0, 4.0
+"""Up to how many bodies need no cells; balls of how many times the mean size are in none; how wide cells are."""
 
 FAR = 1e15
 """Cells are no farther from the origin, in their width."""
@@ -41,7 +40,7 @@ def new_cells(n: int) -> Cells:
 
 @outlined
 def sort(c: Cells, b: Any, n: Any, h: Any) -> None:
-    """Put the first n bodies into cells, for a drift of h that begins where they are."""
+    """Put the first n bodies into cells, for a time h that begins where they are."""
     mean, c.size[0], c.size[2] = 0.0, 0.0, 0.0
     for i in range(n):
         mean += ball(b, i, h) / n
@@ -54,7 +53,7 @@ def sort(c: Cells, b: Any, n: Any, h: Any) -> None:
             add_large(c, i)
         else:
             c.size[0] = max(c.size[0], size)
-    c.size[1] = c.size[0]
+    c.size[1] = WIDE * c.size[0]
     for i in range(n):
         for axis in range(3):
             c.x[axis, i] = b.x[axis, i]
@@ -106,20 +105,25 @@ def cell_of(c: Cells, i: Any) -> int:
     return number_of(c, along(c, c.x[0, i]), along(c, c.x[1, i]), along(c, c.x[2, i]))
 
 
-@outlined
 def gather_near(c: Cells, b: Any, i: Any, left: Any, n: Any, near: Any) -> int:
     """The bodies of n that may come near to body i in the rest of a drift, into `near`; how many there are. Some may be
     there twice."""
-    count, far = int(c.size[2]), ball(b, i, left) + c.size[0]
+    return gather_at(c, (b.x[0, i], b.x[1, i], b.x[2, i]), ball(b, i, left), n, near)
+
+
+@outlined
+def gather_at(c: Cells, x: Any, reach: Any, n: Any, near: Any) -> int:
+    """The same for a ball at x."""
+    count, far = int(c.size[2]), reach + c.size[0]
     for k in range(count):
         near[k] = c.large[k]
     if count == n:
         return count
-    x, y, z, wide = b.x[0, i], b.x[1, i], b.x[2, i], 2 * far / c.size[1] + 1
-    if wide * wide * wide < n:
-        for u in range(along(c, x - far), along(c, x + far) + 1):
-            for v in range(along(c, y - far), along(c, y + far) + 1):
-                for w in range(along(c, z - far), along(c, z + far) + 1):
+    wide = 2 * far / c.size[1] + 1
+    if wide * wide * wide < max(n, 8):
+        for u in range(along(c, x[0] - far), along(c, x[0] + far) + 1):
+            for v in range(along(c, x[1] - far), along(c, x[1] + far) + 1):
+                for w in range(along(c, x[2] - far), along(c, x[2] + far) + 1):
                     k = number_of(c, u, v, w)
                     for at in range(c.first[k], c.first[k + 1]):
                         if count < n:

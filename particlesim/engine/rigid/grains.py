@@ -34,6 +34,7 @@ from particlesim.engine.rigid.bodies import (
     set_fall,
     set_surface,
 )
+from particlesim.engine.rigid.cells import gather_at, sort
 from particlesim.engine.rigid.convex import nearest
 from particlesim.engine.rigid.narrow import box_distance, box_normal, clamped, entry, minus, plus
 from particlesim.engine.rigid.pieces import Solid, solid_of
@@ -150,27 +151,32 @@ def inside(p: Any, s: Any, a: Any) -> Any:
 
 
 @kernel
-def near_bodies(b: Any, touch: Any, x: Any, v: Any, radius: Any, slop: Any, h: Any, near: Any) -> None:
+def near_bodies(
+    b: Any, touch: Any, x: Any, v: Any, radius: Any, slop: Any, h: Any, cells: Any, around: Any, near: Any
+) -> None:
     """Which particles may come to bodies within a time h, into near [n]: 3 of those that come far by then for their size, 2
-    of others that touch one already, within about the slop; `touch` [groups]: bodies that they touch."""
-    found, p = on_stack(1, 9, np.float64), b.pieces
-    for i in range(b.w.size):
-        if touch[b.group[i]] > 0:
-            r = matrix(orientation(b, i))
-            for m in range(radius.size):
-                d = (x[0, m] - b.x[0, i], x[1, m] - b.x[1, i], x[2, m] - b.x[2, i])
-                u = (v[0, m] - b.v[0, i], v[1, m] - b.v[1, i], v[2, m] - b.v[2, i])
+    of others that touch one already, within about the slop; `touch` [groups]: bodies that they touch. With `cells` for the
+    bodies, and room for those `around` one [b]."""
+    found, p, bodies = on_stack(1, 9, np.float64), b.pieces, b.w.size
+    sort(cells, b, bodies, 1.5 * h)
+    for m in range(radius.size):
+        at, own = row(x, m), row(v, m)
+        for k in range(gather_at(cells, at, radius[m] + 1.5 * h * np.sqrt(dot(own, own)), bodies, around)):
+            i = around[k]
+            if touch[b.group[i]] > 0:
+                d, u = minus(at, place(b, i)), minus(own, row(b.v, i))
                 reach = b.reach[i] + radius[m] + 1.5 * h * np.sqrt(dot(u, u))
                 if dot(d, d) < reach * reach:
                     swift = h * np.sqrt(dot(u, u)) > FAST * radius[m]
                     near[m] = max(near[m], 3 if swift else 1)
-                    if near[m] == 1 and touches_body(p, b, i, r, row(x, m), radius[m] + 2 * slop, found):
+                    if near[m] == 1 and touches_body(p, b, i, at, radius[m] + 2 * slop, found):
                         near[m] = 2
 
 
-def touches_body(p: Any, b: Any, i: Any, r: Any, at: Any, radius: Any, found: Any) -> bool:
-    """Whether a sphere touches body i, which is turned by r."""
-    touches = False
+@outlined
+def touches_body(p: Any, b: Any, i: Any, at: Any, radius: Any, found: Any) -> bool:
+    """Whether a sphere touches body i."""
+    touches, r = False, matrix(orientation(b, i))
     for number in range(p.first[b.group[i]], p.first[b.group[i] + 1]):
         if not touches:
             away, _ = away_from(p, solid_of(p, number, place(b, i), r), at, found)
