@@ -55,6 +55,18 @@ def test_balls_that_hit_off_centre_go_along_their_line_of_centres(way: float, fl
         assert abs(got.sum(axis=0) - [speed, 0, 0]).max() < 100 * EPS * speed
 
 
+@pytest.mark.parametrize("part", [0.1, 0.3, 0.45, 0.6, 0.9])
+def test_the_first_step_meets_what_is_near_at_its_beginning(part: float) -> None:
+    """No step before has foreseen an impact in its first half; those rebounded in the middle only."""
+    way = 0.006
+    floor = {"normal": [0, 1, 0], **ELASTIC}
+    got = simulate(
+        H, H, bodies=[ball("ball", [0, R + part * way, 0], [0, -way / H, 0])], planes=[floor]
+    ).final
+    assert got.position[0, 1] - R == pytest.approx((1 - part) * way, abs=2 * GAP * R)
+    assert got.velocity[0, 1] == pytest.approx(way / H, rel=100 * EPS)
+
+
 @pytest.mark.parametrize("shape", ["sphere", "capsule"])
 def test_what_passes_edges_without_touching_goes_straight_on(shape: str) -> None:
     """Past the edges of two boxes, by 0.1 to 1 mm: contacts ahead of an impact had thrown back one in thirty."""

@@ -32,7 +32,19 @@ def are_joined(scene: Any, i: Any, j: Any) -> bool:
 
 @outlined
 def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, h: Any) -> None:
-    """All contacts of bodies and colliders that a step may meet.
+    """All contacts of bodies, colliders and particles that a step may meet in its middle."""
+    look_around(scene, b, k, motion, memory, t, h)
+    if scene.joints is not None:
+        find_stops(scene.stops, scene.joints, b, k, motion, h)
+    if scene.guests is not None:
+        joined = None if scene.joints is None else scene.joined
+        find_guests(scene.guests, joined, b, k, motion, scene.slop, t, h)
+        find_support(scene.guests, b, k, t, h)
+
+
+@outlined
+def look_around(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, h: Any) -> None:
+    """Contacts of bodies and colliders; those that drifts are to meet are left to them.
 
     Bodies are sorted along x by where they begin, which changes little from step to step, and into strips across z that
     are as wide as the largest of them: those of one strip or of neighbours whose balls overlap are looked at.
@@ -64,12 +76,6 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
         order[at] = i
     find_pairs(scene, b, k, motion, order, n)
     leave_to_drifts(scene, b, k, motion, t, h)
-    if scene.joints is not None:
-        find_stops(scene.stops, scene.joints, b, k, motion, h)
-    if scene.guests is not None:
-        joined = None if scene.joints is None else scene.joined
-        find_guests(scene.guests, joined, b, k, motion, scene.slop, t, h)
-        find_support(scene.guests, b, k, t, h)
 
 
 def begins(b: Any, margin: Any, i: Any) -> Any:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.rigid.acting import potential_of, power, sum_all_forces
 from particlesim.engine.rigid.bodies import GUEST, orientation, place, row
-from particlesim.engine.rigid.broad import find_contacts
+from particlesim.engine.rigid.broad import find_contacts, look_around
 from particlesim.engine.rigid.free import move, own
 from particlesim.engine.rigid.grains import asks, settle_guests
 from particlesim.engine.rigid.hearing import note_impacts, silence
@@ -244,6 +244,9 @@ def step_bodies(
             scene.swift.gain[0] = 0.0
             if scene.hearing is not None:
                 silence(scene.hearing)
+            if first + step == 0:  # no step before has looked for what this drift meets
+                velocities(b, motion)
+                look_around(scene, b, k, motion, memory, 0.0, dt)
             if not drift(scene, b, motion, (first + step) * dt, 0.5 * dt, False):
                 report[0] = UNHELD
                 return step

@@ -53,6 +53,8 @@ near."""
 @outlined
 def leave_to_drifts(scene: Any, b: Any, k: Any, motion: Any, t: Any, h: Any) -> None:
     """Take away the contacts that the next drifts meet, and have their bodies looked at there."""
+    if k.number[1] > 0:  # there is no room for some: they are looked for again
+        return
     found = find_closing(scene, b, k, motion, t, h)
     note_ground(scene, b, k, motion)
     if scene.guests is not None:

@@ -68,6 +68,9 @@ SETTLED = 1e-9
 any more."""
 ROUNDING = 32 * float(np.finfo(float).eps)
 """Part of an impulse that rounding of some others makes."""
+QUIET = 1e-6
+"""Part of what forces give to both bodies in a step: below it, what closes along a direction that forces do not act along is
+rounding of rest, and not an impact."""
 TIED = 1e-6
 """Part of the way to a contact that may be left at the end of a step, such that corners of a face that come flush within
 rounding of one hit together."""
@@ -98,8 +101,19 @@ def lay_out(b: Any, k: Any, motion: Any) -> None:
         k.target[c] = speed_along(k, motion, c, 0)
 
 
+def kick_of(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:
+    """The speeds that forces give to the bodies of a contact in a step, added up."""
+    i, j = k.first[c], k.second[c]
+    f = motion.pull[i]
+    speed = b.w[i] * np.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+    if j != WORLD:
+        f = motion.pull[j]
+        speed += b.w[j] * np.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+    return h * speed
+
+
 @outlined
-def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
+def aim(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
     """Set the speed that each contact of a cluster is to have along its normal; forces have been added since `lay_out`.
     Returns the largest speed that contact has to deal with."""
     largest = 0.0
@@ -119,7 +133,7 @@ def aim(k: Any, motion: Any, cluster: Any, h: Any) -> float:
         free = now + k.late[3, c] if lies_under else now
         room = room_at(k, c, before, free, h)
         meets = free < -room * (1 - TIED if k.surface[0, c] > 0 else 1.0)
-        quick = before < -RESTING * abs(free - before + h * own)
+        quick = before < -max(RESTING * abs(free - before + h * own), QUIET * kick_of(b, k, motion, c, h))
         rebound = -restitution_at(k, c, -before) * before
         e = k.surface[0, c] if k.falls is None else restitution_at(k, c, speed_there(before, free, gap, h))
         struck = before
@@ -196,7 +210,7 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
     find_carried(b, k, motion, h)
     for cluster in range(motion.clusters[0]):
         level_all(b, motion, motion.now, motion.gained, joints, cluster)
-        motion.largest[cluster] = aim(k, motion, cluster, h)
+        motion.largest[cluster] = aim(b, k, motion, cluster, h)
         motion.unsettled[cluster] = 0
     keep(motion.now, motion.gained, motion.start)
     recall(b, k, motion, memory)

@@ -43,7 +43,7 @@ SWIFT, VERY, JOINED = 0.5, 0.5, 1.0
 """Way in a drift from which on a body is swift, and very much so, in units of its inner radius, so that two that come to
 each other are not past each other before they are seen; and one in a joint, whose impacts the solver knows better, as it
 solves for joints with them. Looks cost: 1000 falling boxes that came a quarter as far took five times as long."""
-STRIDE, SHORT = 0.25, 0.02
+STRIDE, SHORT = 0.25, 0.05
 """Way that a swift body comes without a look where it is near to others, in the same units; and one left to drifts."""
 FINE = 1e-7
 """The gap at which those have their first impact that are left to drifts (`oncoming`), in the same units; each one doubles
@@ -63,10 +63,11 @@ all."""
 class Swift(NamedTuple):
     """Room for what swift bodies do. By body: its inner radius, the farthest place from its centre that comes elsewhere when
     it turns [m], 1 where all of its pieces are spheres and capsules; where its way began [n, 7], when [s], and its impacts
-    and looks in this drift [n]; whether it is in the queue (`ALL`) [n], and the queue of the times until when they are safe.
-    Contacts of a pair; the work of impacts in a step [J]. For how many drifts bodies are looked at if they are swift no more
-    [n], and how often they had more impacts than are followed, since the start; whether they have been left to drifts in
-    this step (`oncoming`) [n]. Where bodies are (`cells`), and room for those near to one [n]."""
+    and looks in this drift, and when it has looked last [n]; whether it is in the queue (`ALL`) [n], and the queue of the
+    times until when they are safe. Contacts of a pair; the work of impacts in a step [J]. For how many drifts bodies are
+    looked at if they are swift no more [n], and how often they had more impacts than are followed, since the start; whether
+    they have been left to drifts in this step (`oncoming`) [n]. Where bodies are (`cells`), and room for those near to one
+    [n]."""
 
     inner: Any
     lever: Any
@@ -75,6 +76,7 @@ class Swift(NamedTuple):
     begun: Any
     impacts: Any
     looks: Any
+    looked: Any
     on: Any
     queue: Any
     contacts: Any
@@ -94,10 +96,11 @@ def new_swift(shapes: Any, owner: Any, falls: bool) -> Swift:
     lever = np.where(inner >= reach, 0.0, reach)
     core = np.array([all(p.kind <= CAPSULE and p.size[2] == 0 for p in s.own_pieces()) for s in shapes])
     n = len(owner)
-    begun, impacts, looks = (np.zeros(n) for _ in range(3))
+    begun, impacts, looks, looked = (np.zeros(n) for _ in range(4))
     return Swift(
         *(inner[owner], lever[owner], core.astype(np.int64)[owner], np.zeros((n, 7))),
-        *(begun, impacts, looks, np.zeros(n, np.int64), new_queue(n), new_contacts(ROOM, falls), np.zeros(1)),
+        *(begun, impacts, looks, looked, np.zeros(n, np.int64), new_queue(n)),
+        *(new_contacts(ROOM, falls), np.zeros(1)),
         *(np.zeros(n, np.int64), np.zeros(1, np.int64), np.zeros(n, np.int64)),
         *(new_cells(n), np.zeros(n, np.int64)),
     )
@@ -256,6 +259,8 @@ def look_at_wall(scene: Any, wall: Any, b: Any, motion: Any, i: Any, t: Any, lef
 def look_at_body(scene: Any, b: Any, motion: Any, i: Any, j: Any, now: Any, left: Any) -> float:
     """The same beside body j."""
     s, k = scene.swift, scene.swift.contacts
+    if has_seen(s, j, i, now):
+        return float(s.queue.due[j] - now)
     bring(b, s, j, now)
     velocity_of(b, motion, j)
     fast = speed_of(scene, motion, i) + speed_of(scene, motion, j)
@@ -269,6 +274,12 @@ def look_at_body(scene: Any, b: Any, motion: Any, i: Any, j: Any, now: Any, left
     k.number[2] = 1 if are_left(scene, b, i, j) else 0
     touch(b, k, scene.surfaces, min(i, j), max(i, j), fast * left + close_to(scene, b, i, j))
     return outlook(scene, b, motion, i, j, fast, s.core[i] > 0 and s.core[j] > 0, left)
+
+
+def has_seen(s: Any, j: Any, i: Any, now: Any) -> bool:
+    """Whether body j is safe from body i beyond a time: it has looked since that goes as it does."""
+    follows = s.on[j] != NOT and s.looks[j] > 0 and s.impacts[j] <= MOST_IMPACTS and s.looks[j] <= MOST_LOOKS
+    return bool(follows and s.queue.due[j] > now and (s.impacts[i] == 0 or s.looked[j] > s.begun[i]))
 
 
 @outlined
@@ -379,6 +390,7 @@ def go_on(scene: Any, b: Any, motion: Any, i: Any, t: Any, h: Any, second: Any) 
         free = min(free, beside)
         struck = hit != NOBODY
     s.looks[i] += 1
+    s.looked[i] = now
     if struck:
         begin_anew(scene, b, i, now, h)
         enlist(scene, motion, i, now, h)
