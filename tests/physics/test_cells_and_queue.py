@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from particlesim.engine.queue import empty, new_queue, put_in_order
-from particlesim.engine.rigid.cells import follow, gather_at, gather_near, new_cells, sort
+from particlesim.engine.rigid.cells import follow, gather_at, gather_near, new_body_cells, sort
 
 
 @pytest.mark.parametrize("n", [1, 8, 9, 200])
@@ -21,7 +21,7 @@ def test_cells_find_all_that_may_come_near(n: int, shift: float) -> None:
     reach[0] = 2.0
     v[:, n // 2] = 1e4
     b = SimpleNamespace(x=x.copy(), v=v, reach=reach)
-    cells, around = new_cells(n), np.zeros(n, np.int64)
+    cells, around = new_body_cells(n), np.zeros(n, np.int64)
     sort(cells, b, n, h)
     for i in range(n):
         if i == n // 3:

@@ -78,7 +78,7 @@ class Meetings:
 
     def invite(self) -> None:
         """Before bodies make a step: particles that may touch them in it, or are tied to them, are their guests."""
-        from particlesim.engine.rigid.cells import new_cells
+        from particlesim.engine.rigid.cells import new_body_cells
         from particlesim.engine.rigid.grains import near_bodies
         from particlesim.engine.rigid.visit import among
 
@@ -87,7 +87,7 @@ class Meetings:
         self._chosen = ties.on_rods()
         held = [np.zeros(len(rows), np.int64) for _, rows in self._chosen]
         (swift, found), count = ([*held], []), bodies.w.size
-        cells, around = new_cells(count), np.zeros(count, np.int64)
+        cells, around = new_body_cells(count), np.zeros(count, np.int64)
         for state in self._states:
             n = state.count
             x, v = (np.ascontiguousarray(each[:, :n], float) for each in (state.x, state.v))

@@ -19,7 +19,7 @@ FAR = 1e15
 """Cells are no farther from the origin, in their width."""
 
 
-class Cells(NamedTuple):
+class BodyCells(NamedTuple):
     """The size of the largest ball in a cell, the width of cells, and how many are in none [3]; where balls are [3, n]; for
     each cell where its bodies begin [cells + 1], and them [n]; those that are in none [n], and 1 for each of them [n]."""
 
@@ -31,15 +31,15 @@ class Cells(NamedTuple):
     is_large: Any
 
 
-def new_cells(n: int) -> Cells:
+def new_body_cells(n: int) -> BodyCells:
     """Room for n bodies."""
     cells = 1 << max(n - 1, 1).bit_length()
     whole = (np.zeros(each, np.int64) for each in (cells + 1, n, n, n))
-    return Cells(np.zeros(3), np.zeros((3, n)), *whole)
+    return BodyCells(np.zeros(3), np.zeros((3, n)), *whole)
 
 
 @outlined
-def sort(c: Cells, b: Any, n: Any, h: Any) -> None:
+def sort(c: BodyCells, b: Any, n: Any, h: Any) -> None:
     """Put the first n bodies into cells, for a time h that begins where they are."""
     mean, c.size[0], c.size[2] = 0.0, 0.0, 0.0
     for i in range(n):
@@ -75,7 +75,7 @@ def ball(b: Any, i: Any, h: Any) -> Any:
     return b.reach[i] + h * np.sqrt(v[0, i] * v[0, i] + v[1, i] * v[1, i] + v[2, i] * v[2, i])
 
 
-def add_large(c: Cells, i: Any) -> None:
+def add_large(c: BodyCells, i: Any) -> None:
     """Everybody looks at body i from now on."""
     if c.is_large[i] == 0:
         c.is_large[i] = 1
@@ -83,36 +83,36 @@ def add_large(c: Cells, i: Any) -> None:
         c.size[2] += 1
 
 
-def follow(c: Cells, b: Any, i: Any, left: Any) -> None:
+def follow(c: BodyCells, b: Any, i: Any, left: Any) -> None:
     """Body i has another velocity for the rest of a drift, and may leave its ball."""
     d = (b.x[0, i] - c.x[0, i], b.x[1, i] - c.x[1, i], b.x[2, i] - c.x[2, i])
     if not np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) + ball(b, i, left) <= c.size[0]:
         add_large(c, i)
 
 
-def number_of(c: Cells, x: Any, y: Any, z: Any) -> int:
+def number_of(c: BodyCells, x: Any, y: Any, z: Any) -> int:
     """The number of a cell by its place along the axes."""
     return int((x * 73856093 + y * 19349663 + z * 83492791) & (c.first.size - 2))
 
 
-def along(c: Cells, x: Any) -> int:
+def along(c: BodyCells, x: Any) -> int:
     """The place of a cell along an axis."""
     return int(np.floor(min(max(x / c.size[1], -FAR), FAR)))
 
 
-def cell_of(c: Cells, i: Any) -> int:
+def cell_of(c: BodyCells, i: Any) -> int:
     """The cell of body i."""
     return number_of(c, along(c, c.x[0, i]), along(c, c.x[1, i]), along(c, c.x[2, i]))
 
 
-def gather_near(c: Cells, b: Any, i: Any, left: Any, n: Any, near: Any) -> int:
+def gather_near(c: BodyCells, b: Any, i: Any, left: Any, n: Any, near: Any) -> int:
     """The bodies of n that may come near to body i in the rest of a drift, into `near`; how many there are. Some may be
     there twice."""
     return gather_at(c, (b.x[0, i], b.x[1, i], b.x[2, i]), ball(b, i, left), n, near)
 
 
 @outlined
-def gather_at(c: Cells, x: Any, reach: Any, n: Any, near: Any) -> int:
+def gather_at(c: BodyCells, x: Any, reach: Any, n: Any, near: Any) -> int:
     """The same for a ball at x."""
     count, far = int(c.size[2]), reach + c.size[0]
     for k in range(count):

@@ -27,7 +27,7 @@ from particlesim.engine.queue import empty, new_queue, put_in_order
 from particlesim.engine.rigid.acting import sum_all_forces
 from particlesim.engine.rigid.bodies import NOBODY, WORLD, new_contacts, orientation, place, row
 from particlesim.engine.rigid.broad import are_joined
-from particlesim.engine.rigid.cells import follow, gather_near, new_cells, sort
+from particlesim.engine.rigid.cells import follow, gather_near, new_body_cells, sort
 from particlesim.engine.rigid.contact_rows import direct, speed_along
 from particlesim.engine.rigid.free import move, own, velocity_of
 from particlesim.engine.rigid.hearing import note_swift
@@ -102,7 +102,7 @@ def new_swift(shapes: Any, owner: Any, falls: bool) -> Swift:
         *(begun, impacts, looks, looked, np.zeros(n, np.int64), new_queue(n)),
         *(new_contacts(ROOM, falls), np.zeros(1)),
         *(np.zeros(n, np.int64), np.zeros(1, np.int64), np.zeros(n, np.int64)),
-        *(new_cells(n), np.zeros(n, np.int64)),
+        *(new_body_cells(n), np.zeros(n, np.int64)),
     )
 
 
