@@ -34,6 +34,8 @@ def test_cells_find_all_that_may_come_near(n: int, shift: float) -> None:
     if n == 200 and shift == 0:
         far = gather_at(cells, (2.9, 2.9, 2.9), 0.01, n, around)
         assert far < 40  # a few of 200, not all
+    for nowhere in (np.nan, np.inf):
+        assert gather_at(cells, (0.0, nowhere, 0.0), 0.01, n, around) <= n
 
 
 def test_a_queue_is_in_order_of_time_and_number() -> None:

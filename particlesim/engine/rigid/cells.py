@@ -119,8 +119,8 @@ def gather_at(c: BodyCells, x: Any, reach: Any, n: Any, near: Any) -> int:
         near[k] = c.large[k]
     if count == n:
         return count
-    wide = 2 * far / c.size[1] + 1
-    if wide * wide * wide < max(n, 8):
+    wide, drop = 2 * far / c.size[1] + 1, (x[0] - x[0]) + (x[1] - x[1]) + (x[2] - x[2])
+    if drop == 0 and wide * wide * wide < max(n, 8):  # what is nowhere is in no cell
         for u in range(along(c, x[0] - far), along(c, x[0] + far) + 1):
             for v in range(along(c, x[1] - far), along(c, x[1] + far) + 1):
                 for w in range(along(c, x[2] - far), along(c, x[2] + far) + 1):

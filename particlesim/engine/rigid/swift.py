@@ -259,7 +259,7 @@ def look_at_wall(scene: Any, wall: Any, b: Any, motion: Any, i: Any, t: Any, lef
 def look_at_body(scene: Any, b: Any, motion: Any, i: Any, j: Any, now: Any, left: Any) -> float:
     """The same beside body j."""
     s, k = scene.swift, scene.swift.contacts
-    if has_seen(s, j, i, now):
+    if has_seen(scene, j, i, now):
         return float(s.queue.due[j] - now)
     bring(b, s, j, now)
     velocity_of(b, motion, j)
@@ -276,10 +276,13 @@ def look_at_body(scene: Any, b: Any, motion: Any, i: Any, j: Any, now: Any, left
     return outlook(scene, b, motion, i, j, fast, s.core[i] > 0 and s.core[j] > 0, left)
 
 
-def has_seen(s: Any, j: Any, i: Any, now: Any) -> bool:
-    """Whether body j is safe from body i beyond a time: it has looked since that goes as it does."""
+def has_seen(scene: Any, j: Any, i: Any, now: Any) -> bool:
+    """Whether body j is safe from body i beyond a time: it has looked since that goes as it does. When a body in a joint has
+    begun to is not known after an impact (`begin_anew`)."""
+    s = scene.swift
     follows = s.on[j] != NOT and s.looks[j] > 0 and s.impacts[j] <= MOST_IMPACTS and s.looks[j] <= MOST_LOOKS
-    return bool(follows and s.queue.due[j] > now and (s.impacts[i] == 0 or s.looked[j] > s.begun[i]))
+    since = (scene.joints is None or scene.joined[i] == 0) and s.looked[j] > s.begun[i]
+    return bool(follows and s.queue.due[j] > now and (s.impacts[i] == 0 or since))
 
 
 @outlined
