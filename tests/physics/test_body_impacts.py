@@ -67,6 +67,18 @@ def test_the_first_step_meets_what_is_near_at_its_beginning(part: float) -> None
     assert got.velocity[0, 1] == pytest.approx(way / H, rel=100 * EPS)
 
 
+def test_an_impact_has_its_rolling_friction() -> None:
+    """P = (1 + e) m v takes μ_r R P from the spin about an axis along the floor, here without sliding friction."""
+    mass, rolling, v, spin, e = 1.0, 0.01, 2.0, 8.0, 0.5
+    law = {"mass": mass, "restitution": e, "rolling_friction": rolling, "angular_velocity": [0, 0, spin]}
+    floor = {"normal": [0, 1, 0], "restitution": e, "friction": 0.0}
+    falls = ball("ball", [0, 1.3 * R, 0], [0, -v, 0]) | law
+    got = simulate(5 * H, H, bodies=[falls], planes=[floor]).final
+    inertia = 2 / 5 * mass * R**2
+    assert got.velocity[0, 1] == pytest.approx(e * v)
+    assert got.angular_velocity[0, 2] == pytest.approx(spin - rolling * R * (1 + e) * mass * v / inertia)
+
+
 @pytest.mark.parametrize("shape", ["sphere", "capsule"])
 def test_what_passes_edges_without_touching_goes_straight_on(shape: str) -> None:
     """Past the edges of two boxes, by 0.1 to 1 mm: contacts ahead of an impact had thrown back one in thirty."""

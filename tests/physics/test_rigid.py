@@ -281,7 +281,10 @@ def test_the_radius_of_rolling_is_the_reduced_one_of_round_bodies() -> None:
     b = SimpleNamespace(group=np.array([0, 0, 1]), x=np.array([[0, 0, 0], [0.1, -0.3, 5.0], [0, 0, 0]]))
     k = SimpleNamespace(first=[0, 0, 0], second=[WORLD, 1, 2], point=np.zeros((3, 3)))
     k.normal = np.array([[0, 0, 0], [1.0, 1.0, 1.0], [0, 0, 0]])
+    k.gap = [0.0, 0.0, 0.0]
     assert [radius(rolling, b, k, c) for c in range(3)] == pytest.approx([0.1, 0.1 * 0.3 / 0.4, 0.1])
+    k.gap = [0.02, 0.02, 0.0]  # as they are once it is closed
+    assert [radius(rolling, b, k, c) for c in range(2)] == pytest.approx([0.08, 0.09 * 0.29 / 0.38])
 
 
 @pytest.mark.parametrize("part", [0.9, 0.99, 1.01, 1.5])

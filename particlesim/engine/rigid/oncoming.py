@@ -7,7 +7,7 @@ billiard balls, where an impact is along the ground.
 
 A contact is left to drifts unless it closes in the step no faster than what comes to rest there does, if all bodies that it
 joins with others near to them have no joint, are `CROWD` at most where they rebound well, else one or two that come together
-or to colliders, and each is
+or to colliders, have no rolling friction there, and each is
 
 - free: farther from all else than `TOUCHING` of its inner radius, or
 - a ball whose contacts all press along one direction, across that of its impacts to `ACROSS`.
@@ -158,6 +158,10 @@ def note_ground(scene: Any, b: Any, k: Any, motion: Any) -> None:
             lie(s, motion, i, row(k.normal, c))
             if j != WORLD:
                 lie(s, motion, j, row(k.normal, c))
+        if k.turns[c] == ROLL and k.target[int(k.aim[0, c])] > 0:  # drifts know of no rolling friction
+            motion.low[i] = HELD
+            if j != WORLD:
+                motion.low[j] = HELD
 
 
 def lie(s: Any, motion: Any, i: Any, n: Any) -> None:

@@ -46,11 +46,11 @@ def find_rolling(rolling: Any, b: Any, k: Any, first: Any, spin: Any) -> None:
 
 
 def radius(rolling: Any, b: Any, k: Any, c: Any) -> Any:
-    """The radius R of rolling at a contact [m]."""
-    i, j, n, at = k.first[c], k.second[c], row(k.normal, c), row(k.point, c)
-    size = abs(dot(minus(at, place(b, i)), n))
+    """The radius R of rolling at a contact, once its gap is closed [m]."""
+    i, j, n, at, gap = k.first[c], k.second[c], row(k.normal, c), row(k.point, c), k.gap[c]
+    size = abs(dot(minus(at, place(b, i)), n)) - (gap if j == WORLD else 0.5 * gap)
     if j != WORLD:
-        other, flat = abs(dot(minus(at, place(b, j)), n)), rolling.flat[b.group[i]]
+        other, flat = abs(dot(minus(at, place(b, j)), n)) - 0.5 * gap, rolling.flat[b.group[i]]
         if flat == rolling.flat[b.group[j]]:
             size = size * other / (size + other) if size + other > 0 else 0.0
         elif flat > 0:
