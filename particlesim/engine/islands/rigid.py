@@ -300,7 +300,7 @@ class RigidIsland(BaseIsland):
             end_step(self._obstacles, b, guests.free, motion.pull[:n])
         self.told = share_out(scene.hearing, self._scene.hearing)
         self._asked, self.visitors = lies(guests), visitors
-        self.left = left(whole, guests, visitors, self.dt)
+        self.left = left(whole, guests, visitors, step * self.dt, self.dt)
         return None
 
     def hold_guests(self, x: Floats, v: Floats, turning: Floats, there: Ints) -> tuple[Floats, Floats] | None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.colliders.moving import spin_of
+from particlesim.colliders.moving import MovingRecord, spin_of
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.rigid.bodies import (
     GRAINS,
@@ -276,6 +276,34 @@ def on_each_other(guests: Any, b: Any, k: Any, m: Any, o: Any, h: Any) -> None:
             crowd.linked[m] = crowd.linked[o] = 1
             if s.rolling[a, c] > 0:
                 roll_on(b, k, number, s.rolling[a, c], one * two / (one + two), (0.0, 0.0, 0.0))
+
+
+@kernel
+def lift_out(guests: Any, x: Any, v: Any, shift: Any, t: Any) -> None:
+    """Guests that would begin their own step, from x + shift [3, n] with v [3, n] at a time t, inside a collider at rest
+    which they leave, begin it on its surface: slower, as the work of that way takes against what accelerates them."""
+    for wall in guests.support.walls:
+        lift_out_of(wall, guests, x, v, shift, t)
+
+
+@outlined
+def lift_out_of(wall: Any, guests: Any, x: Any, v: Any, shift: Any, t: Any) -> None:
+    """`lift_out` of one collider."""
+    if isinstance(wall.shape, MovingRecord):
+        return
+    for m in range(guests.radius.size):
+        if wall.on[guests.kind[m]] > 0 and guests.tied[m] == 0:
+            radius = guests.radius[m]
+            p = probe(plus(row(x, m), 1.0, row(shift, m)), radius, t)
+            distance = gap(wall.shape, p)
+            if distance < -NEAR * radius:
+                n = away(wall.shape, p)
+                up, press = dot(row(v, m), n), dot(row(guests.pull, m), n)
+                if up > 0 and press < 0:
+                    less = up - np.sqrt(max(up * up - 2 * press * distance, 0.0))
+                    for axis in range(3):
+                        shift[axis, m] -= distance * entry(n, axis)
+                        v[axis, m] -= less * entry(n, axis)
 
 
 def note_carried(guests: Any, k: Any) -> None:

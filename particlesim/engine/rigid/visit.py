@@ -9,7 +9,7 @@ import numpy as np
 
 from particlesim.engine.rigid.bodies import Bodies
 from particlesim.engine.rigid.grains import Guests
-from particlesim.engine.rigid.support import Support, new_crowd
+from particlesim.engine.rigid.support import Support, lift_out, new_crowd
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.model.arrays import Floats, Ints
@@ -177,8 +177,8 @@ def lies(guests: Guests) -> bool:
     return bool((guests.awaits > guests.tied).any())
 
 
-def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
-    """The visitors after a step of length h."""
+def left(whole: Bodies, guests: Guests, visitors: Visitors, t: float, h: float) -> Left:
+    """The visitors after a step of length h that began at a time t."""
     part, held = slice(guests.first, None), visitors.held
     x, end, spin = whole.x[:, part], whole.v[:, part], whole.spin[:, part]
     gain = np.where(guests.awaits > 0, visitors.gain, 0.0) - guests.crowd.borne
@@ -201,5 +201,6 @@ def left(whole: Bodies, guests: Guests, visitors: Visitors, h: float) -> Left:
     shift[:, :held] = (x - visitors.x - h * (v + 0.5 * gain))[:, :held]
     # What others and colliders give is in this step, and none of the forces that are to be expected.
     forces = np.where((guests.crowd.linked > 0) | (not lies(guests)), np.nan, h * guests.pull)
+    lift_out(guests, visitors.x, v, shift, t)
     alone = (guests.alone > 0) & (guests.when == 0)
     return Left(v, spin / visitors.inertia, shift, moved, alone, forces)
