@@ -40,7 +40,7 @@ SHAPES = (
         ],
     },
 )
-GAIN, DEEP = 1e-4, 0.1
+GAIN, DEEP = 5e-5, 0.1
 """What a step may add to the energy, as a part of the largest: bodies that have gone too far are put back; how deep a grain
 may be in a body at the end, in radii."""
 

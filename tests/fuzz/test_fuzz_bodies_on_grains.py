@@ -6,10 +6,15 @@ import pytest
 from fuzz.fuzz_bodies_on_grains import CALM, alone, broken_rules, draw, worst_of
 
 
-@pytest.mark.parametrize("number", [12, 14])
+@pytest.mark.parametrize("number", [12, 14, 113, 149])
 def test_no_body_sinks_into_grains_and_nothing_gains_energy(number: int) -> None:
     scenario, name = draw(number, duration=0.3)
     assert broken_rules(worst_of(scenario)) == [], name
+
+
+def test_what_is_hit_beside_a_body_begins_its_own_step_as_high_as_its_speed_tells() -> None:
+    scenario, name = draw(59, duration=0.1)
+    assert worst_of(scenario).gain < CALM, name
 
 
 @pytest.mark.parametrize("number", [24, 59, 61])

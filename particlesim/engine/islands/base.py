@@ -140,8 +140,9 @@ class BaseIsland:
         """Whether impacts on rigid bodies of particles of a group that come far in a step may be left to their own step."""
         return False
 
-    def leave(self, name: str, rows: Ints) -> None:
-        """Learn that of these particles of a group they are left to the step that comes."""
+    def leave(self, name: str, guests: Ints, left: Ints) -> None:
+        """Learn which particles of a group have been guests among bodies, and whose impacts on bodies are left to the step
+        that comes."""
 
     def _gather(self) -> None:
         """Keep the impacts of the steps just made for emitters that react to them, also those of particles that died."""

@@ -64,7 +64,7 @@ class CoupledIsland(BaseIsland):
         super().__init__(scenario, structure, states, ids)
         self._scenario, self._structure = scenario, structure
         self._obstacles = None if bodies is None else bodies.in_the_way_of([each.name for each in states])
-        self._left: dict[str, Ints] = {}
+        self._left: dict[str, tuple[Ints, Ints]] = {}
         self._joined = Joined(self.states)
         self._stepper = Stepper(structure, self.states, self.dt)
         self._site = self._new_site(began=True)
@@ -82,7 +82,7 @@ class CoupledIsland(BaseIsland):
         if obstacles is not None:
             counts = [state.count for state in self.states]
             kind = np.repeat(np.arange(len(counts)), counts)
-            obstacles = obstacles._replace(kind=kind, left=np.zeros_like(kind))
+            obstacles = obstacles._replace(kind=kind, left=np.zeros_like(kind), guests=np.zeros_like(kind))
         return Site(self._scenario, self._joined.whole, self.states, began=began, obstacles=obstacles)
 
     def _lay_out(self, interactions: Interactions, constraint: Constraint | None) -> None:
@@ -187,16 +187,18 @@ class CoupledIsland(BaseIsland):
         here = self._obstacles is not None and not self._obstacles.waits[0]
         return here and any(name in each.groups for each in hard)
 
-    def leave(self, name: str, rows: Ints) -> None:
-        self._left[name] = rows
+    def leave(self, name: str, guests: Ints, left: Ints) -> None:
+        self._left[name] = guests, left
 
     def _note_left(self) -> None:
-        """Note whose impacts on bodies are left to the step that comes; births have come after the rows of their groups
-        that were there."""
-        left = self._site.obstacles.left
-        left[:] = 0
+        """Note who has been among bodies, and whose impacts on these are left to the step that comes; births have come after
+        the rows of their groups that were there."""
+        notes, none = (self._site.obstacles.guests, self._site.obstacles.left), (np.empty(0, np.int64),) * 2
+        for note in notes:
+            note[:] = 0
         for state, first in zip(self.states, self._joined.bounds, strict=False):
-            left[first + self._left.pop(state.name, np.empty(0, np.int64))] = 1
+            for note, rows in zip(notes, self._left.pop(state.name, none), strict=True):
+                note[first + rows] = 1
 
     def _refuse_coincident(self, born: Ints, time: float) -> None:
         """Raise DivergenceError for births at the place of another particle, where the force between them has no value."""

@@ -194,7 +194,7 @@ class Meetings:
             part = slice(first, first + len(rows))
             first += len(rows)
             changed = after.moved[part]
-            self._islands[state.name].leave(state.name, rows[after.alone[part]])
+            self._islands[state.name].leave(state.name, rows, rows[after.alone[part]])
             rows = rows[changed]
             if state.name in self._tied:
                 self._note(state, rows, after.shift[:, part][:, changed], after.v[:, part][:, changed])

@@ -45,12 +45,12 @@ SINKS = 1e-4
 class Obstacles(NamedTuple):
     """Bodies: the pieces of their shapes, group [b], reach [b], 1/m [b] and principal moments of inertia [3, b] of each;
     place [3, b] and orientation [4, b] at the beginning of a step, by how much they move [3, b] and turn [3, b] in it;
-    velocity [3, b], angular momentum [3, b] and orientation [4, b] at its end, and the acceleration by forces [3, b]; by how
-    much particles have changed these velocities and momenta since, and where the ways of bodies begin and how far they lead
-    (`given` [12, b]), those of this island alone (`mine`); which touch nothing and are in no joint, and how often their ways
-    have changed [b]. Their contact with particles [kinds, groups]; the kind of each particle, and 1 where its impacts on
-    bodies in the step are left to it, as it is swift [n]. Whether what comes to bodies waits there for its impact until the
-    next step, as emitters hear of impacts [1]."""
+    velocity [3, b], angular momentum [3, b] and orientation [4, b] at its end, and the acceleration by forces [3, b]; by
+    how much particles have changed these velocities and momenta since, and where the ways of bodies begin and how far they
+    lead (`given` [12, b]), those of this island alone (`mine`); which touch nothing and are in no joint, and how often
+    their ways have changed [b]. Their contact with particles [kinds, groups]; the kind of each particle, 1 where its
+    impacts on bodies in the step are left to it, as it is swift, and 1 of those that have been guests among bodies in it
+    [n]. Whether what comes to bodies waits there for its impact until the next step, as emitters hear of impacts [1]."""
 
     pieces: Any
     group: Any
@@ -72,6 +72,7 @@ class Obstacles(NamedTuple):
     touching: Touching
     kind: Any
     left: Any
+    guests: Any
     waits: Any
 
     def begin(self) -> None:
@@ -82,6 +83,10 @@ class Obstacles(NamedTuple):
         """When particle i, from x on with a way `go` in a step, comes to a body between two times, infinity if it does not;
         which body, how far its surface there goes in a step, and the normal there."""
         return find(self, x, go, r, i, begin, end)
+
+    def outside(self, x: Any, r: Any, i: Any, deep: Any) -> Any:
+        """Where particle i ends the step: at x, but on the surface of a body in which it would be deeper than so much."""
+        return outside(self, x, r, i, deep)
 
     def strike(self, i: Any, j: Any, blow: Any) -> Any:
         """The impact of particle i on body j: by how much it changes the velocity of the particle, and turns it, and how far
@@ -100,7 +105,7 @@ def obstacles_of(b: Bodies, *, waits: bool) -> Obstacles:
         [
             *(b.pieces, b.group, b.reach, b.w, b.inertia, vectors[0], turn, *vectors[1:], turn.copy()),
             *(np.zeros((3, n)), np.zeros((12, n)), np.zeros((12, n)), np.zeros(n, np.int64)),
-            *(np.zeros(n, np.int64), no_contact(0), left, left, np.array([int(waits)])),
+            *(np.zeros(n, np.int64), no_contact(0), left, left, left, np.array([int(waits)])),
         ]
     )
 
@@ -217,6 +222,23 @@ def way_of(o: Any, j: Any) -> Any:
     """How far body j goes in a step on its way."""
     g = o.given
     return o.go[0, j] + g[9, j], o.go[1, j] + g[10, j], o.go[2, j] + g[11, j]
+
+
+@outlined
+def outside(o: Any, x: Any, r: Any, i: Any, deep: Any) -> Any:
+    """`Obstacles.outside`."""
+    p, found = o.pieces, on_stack(1, 9, np.float64)
+    for j in range(o.reach.size):
+        if o.touching.touch[o.kind[i], o.group[j]] > 0:
+            centre = plus(start_of(o, j), 1.0, way_of(o, j))
+            d = minus(x, centre)
+            if dot(d, d) < (o.reach[j] + r) ** 2:
+                faces = matrix(turned_at(o, j, 1.0))
+                for number in range(p.first[o.group[j]], p.first[o.group[j] + 1]):
+                    away, n = away_from(p, solid_of(p, number, centre, faces), x, found)
+                    if away - r < -deep:
+                        x = plus(x, r - away, n)
+    return x
 
 
 # ---- the impact
