@@ -222,7 +222,7 @@ def test_what_slides_askew_is_slowed_against_its_way(shape: dict[str, Any], mu: 
 
 
 def slope(
-    angle: float, thing: dict[str, Any], mu: float, duration: float = 0.5
+    angle: float, thing: dict[str, Any], mu: float | dict[str, float], duration: float = 0.5
 ) -> tuple[Array, Array, Array]:
     """Direction down a slope, and velocity and angular velocity of a body that starts on it at rest."""
     c, s = math.cos(angle), math.sin(angle)
@@ -287,19 +287,22 @@ def test_the_radius_of_rolling_is_the_reduced_one_of_round_bodies() -> None:
     assert [radius(rolling, b, k, c) for c in range(2)] == pytest.approx([0.08, 0.09 * 0.29 / 0.38])
 
 
-@pytest.mark.parametrize("part", [0.9, 0.99, 1.01, 1.5])
-def test_a_block_holds_up_to_its_friction_angle(part: float) -> None:
-    mu = 0.5
-    angle = math.atan(mu * part)
+@pytest.mark.parametrize("kept", [1.0, 0.5], ids=["one", "less in motion"])
+@pytest.mark.parametrize("part", [0.9, 0.999, 1.001, 1.5])
+def test_a_block_holds_up_to_its_friction_angle(part: float, kept: float) -> None:
+    # It holds with all of its friction at rest, and slides from then on with that in motion: a = g (sin θ − μ_k cos θ).
+    static, time = 0.5, 0.5
+    angle = math.atan(static * part)
     block = body(
-        {"type": "box", "size": [0.4, 0.1, 0.4]},
+        {"type": "box", "size": [0.4, 0.1, 0.3]},
         position=[-0.05 * math.sin(angle), 0.05 * math.cos(angle), 0],
         orientation={"axis": [0, 0, 1], "angle": math.degrees(angle)},
     )
-    down, v, _ = slope(angle, block, mu)
-    expected = max(G * (math.sin(angle) - mu * math.cos(angle)) * 0.5, 0.0)
-    # Sweeps over the contacts of the four corners end before the last digit.
-    assert v @ down == pytest.approx(expected, abs=1e-5 * G * 0.5 if expected else 1e-9)
+    kinetic = kept * static
+    down, v, w = slope(angle, block, {"static": static, "kinetic": kinetic}, time)
+    expected = G * (math.sin(angle) - kinetic * math.cos(angle)) * time if part > 1 else 0.0
+    assert v @ down == pytest.approx(expected, abs=1e-9)
+    assert np.abs(w).max() < 1e-9
 
 
 # ---- bounces

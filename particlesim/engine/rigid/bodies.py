@@ -63,7 +63,8 @@ class Contacts(NamedTuple):
     they are [k], 0 for others, and of motors the speed and the greatest impulse, of rolling friction the contact that
     presses and the radius [2, k]; of those solved for together what bounds friction, as an impulse and as a part of the
     one that presses (0: given) [k], and impulses to return to [k, 3]; 1 where joints are solved for after each impulse
-    (`braced`), else 0 [k]; accelerations along the normal by swinging (`swinging`) [k]. `number`: how many there are,
+    (`braced`), else 0 [k]; accelerations along the normal by swinging (`swinging`) [k]; the coefficient of friction that
+    counts in a solve, of two: that at rest where it holds (`friction`) [k]. `number`: how many there are,
     how many found no room, and 1 where bodies fly and the first touch counts rather than firm rest (`narrow`). `falls`: two
     laws by which restitution falls with the speed of an impact, the smaller of which counts: that of slow ones, the speed
     above which it falls, and how fast [6, k]; None where none falls."""
@@ -92,6 +93,7 @@ class Contacts(NamedTuple):
     kept: Any
     braced: Any
     swing: Any
+    friction: Any
     number: Any
     falls: Any = None
 
@@ -168,6 +170,7 @@ def new_contacts(room: int, falls: bool = False) -> Contacts:
             np.zeros(room),
             np.zeros((room, 3)),
             np.zeros(room, np.int64),
+            np.zeros(room),
             np.zeros(room),
             number,
             np.zeros((6, room)) if falls else None,

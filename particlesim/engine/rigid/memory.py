@@ -43,7 +43,7 @@ def recall(b: Any, k: Any, motion: Any, memory: Any) -> None:
             one = p[0] * e[1, start] + p[1] * e[1, start + 1] + p[2] * e[1, start + 2]
             two = p[0] * e[2, start] + p[1] * e[2, start + 1] + p[2] * e[2, start + 2]
             size = np.sqrt(one * one + two * two)
-            part = k.surface[2, c] * most / size if size > k.surface[1, c] * most else 1.0
+            part = k.surface[1, c] * most / size if size > k.surface[1, c] * most else 1.0
             k.impulse[c, 0], k.impulse[c, 1], k.impulse[c, 2] = press, part * one, part * two
             for d in range(3):
                 strike(b, k, motion, c, d, k.impulse[c, d])

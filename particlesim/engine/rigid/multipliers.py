@@ -91,13 +91,8 @@ def set_bounds(k: Any, motion: Any, cluster: Any, coupled: Any) -> None:
     """Bounds of friction by the normal impulses that there are, to which they stay `coupled`, or not."""
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
-        e, press, size = k.rows[c], pressing(k, k.impulse, c), 0.0
-        for d in range(1, 3):
-            wish = k.impulse[c, d] - e[d, 15] * speed_along(k, motion, c, d)
-            size += wish * wish
-        holds = k.surface[1, c] * press
-        part = k.surface[1, c] if size <= holds * holds else k.surface[2, c]
-        k.bound[c], k.grip[c] = part * press, part if coupled and k.turns[c] != ROLL else 0.0
+        k.bound[c] = k.friction[c] * pressing(k, k.impulse, c)
+        k.grip[c] = k.friction[c] if coupled and k.turns[c] != ROLL else 0.0
 
 
 @outlined
@@ -111,7 +106,7 @@ def bound_at_first(b: Any, k: Any, motion: Any, cluster: Any, stiff: Any) -> Non
         k.onward[c, 0] = new[0, 0]
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
-        k.bound[c] = k.surface[1, c] * k.onward[c, 0]
+        k.bound[c] = k.friction[c] * k.onward[c, 0]
 
 
 @outlined
@@ -275,7 +270,7 @@ def add_at_first(
         lay_line(b, e[0], i, j, line, 1.0, False)
         add_line(motion.room, i, j, line, r, -r * k.before[c, 0])
         if runs:
-            part = -k.surface[2, c] / pace
+            part = -k.friction[c] / pace
             lay_way(b, e, i, j, line, part * k.before[c, 1], part * k.before[c, 2])
             add_line(motion.room, i, j, line, r, -r * k.before[c, 0])
     for d in range(1, 3):

@@ -66,6 +66,10 @@ AGAIN = 50
 SETTLED = 1e-9
 """Change of speed in a sweep, relative to the largest one that contact has to deal with, below which nothing changes
 any more."""
+SLIDES, MAY_SLIDE, GIVING_WAY = 1e-5, 1e-3, 8
+"""Sliding, as a part of the largest speed that contact has to deal with, below which a contact holds; the same where
+impulses have not been found to the end, and what friction may lack there of all that it can be; and how often in a solve
+others may begin to slide, as some do."""
 ROUNDING = 32 * float(np.finfo(float).eps)
 """Part of an impulse that rounding of some others makes."""
 QUIET = 1e-6
@@ -183,14 +187,14 @@ def sweep(b: Any, k: Any, motion: Any, joints: Any, first: Any, last: Any, backw
                     level_there(b, k, joints, motion.now, motion.gained, c)
         if k.surface[1, c] > 0 and (press > 0 or k.impulse[c, 1] != 0 or k.impulse[c, 2] != 0):
             p, q = k.impulse[c, 1], k.impulse[c, 2]
-            u, w, most = speed_along(k, motion, c, 1), speed_along(k, motion, c, 2), k.surface[1, c] * press
+            u, w, most = speed_along(k, motion, c, 1), speed_along(k, motion, c, 2), k.friction[c] * press
             one, two = p - e[1, 15] * u, q - e[2, 15] * w
             if one * one + two * two > most * most:
                 # What slides is slowed against its way: both directions with the same mass, or they would turn it.
                 mass = min(e[1, 15], e[2, 15])
                 one, two = p - mass * u, q - mass * w
                 size = np.sqrt(one * one + two * two)
-                part = k.surface[2, c] * press / size if size > most else 1.0
+                part = most / size if size > most else 1.0
                 one, two = one * part, two * part
             strike(b, k, motion, c, 1, one - p)
             strike(b, k, motion, c, 2, two - q)
@@ -283,23 +287,56 @@ def level_all(b: Any, motion: Any, now: Any, gained: Any, joints: Any, cluster: 
 
 @outlined
 def relax(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> None:
-    """Sweep over a cluster until nothing changes any more, or its share of work is done. Joints are solved for as a whole
-    after each sweep.
+    """Find the impulses of a cluster. All that it can hold at rest with the friction that this has stays at rest: only what
+    slides even so has the friction of motion, which may let others slide."""
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        k.friction[k.order[at]] = k.surface[1, k.order[at]]
+    settled = search(b, k, motion, joints, cluster)
+    for _ in range(GIVING_WAY):
+        if not give_way(k, motion, cluster, SLIDES if settled else MAY_SLIDE):
+            break
+        settled = search(b, k, motion, joints, cluster)
+
+
+@outlined
+def give_way(k: Any, motion: Any, cluster: Any, slow: Any) -> bool:
+    """Let contacts of a cluster that slide, not only by a part so `slow`, though their friction is all that it can be at
+    rest, have that of motion; whether there are any."""
+    found, still = False, slow * motion.largest[cluster]
+    for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
+        c = k.order[at]
+        if k.surface[2, c] < k.friction[c]:
+            p, q, most = k.impulse[c, 1], k.impulse[c, 2], (1 - MAY_SLIDE) * k.friction[c] * k.impulse[c, 0]
+            u, w = speed_along(k, motion, c, 1), speed_along(k, motion, c, 2)
+            if p * p + q * q >= most * most and u * u + w * w > still * still:
+                k.friction[c], found = k.surface[2, c], True
+    return found
+
+
+@outlined
+def search(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> bool:
+    """Sweep over a cluster until nothing changes any more, or its share of work is done; whether it was the former. Joints
+    are solved for as a whole after each sweep.
 
     Sweeps are taken for steps of a descent, and followed by one in the direction conjugate to them (Fletcher and Reeves),
     which is dropped where changes grow.
     """
     settled = SETTLED * motion.largest[cluster]
     worst = descend(b, k, motion, joints, cluster, settled)
+    motion.unsettled[cluster] = 0
     if not worst > settled:
-        return
+        return True
     # Joints and friction may hold the same, which the direct method does not tell apart.
     if joints is not None and motion.first_component[cluster] >= 0:
         if brace(b, k, motion, joints, cluster):
             worst = descend(b, k, motion, joints, cluster, settled)
         motion.unsettled[cluster] = 1 if worst > settled else 0
-    elif steepness(b, motion, cluster) >= STEEP and not complete(b, k, motion, cluster, worst):
-        motion.unsettled[cluster] = 1
+        return not worst > settled
+    if steepness(b, motion, cluster) >= STEEP:
+        found = complete(b, k, motion, cluster, worst)
+        motion.unsettled[cluster] = 0 if found else 1
+        return found
+    return False
 
 
 @outlined
