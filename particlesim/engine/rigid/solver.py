@@ -66,10 +66,11 @@ AGAIN = 50
 SETTLED = 1e-9
 """Change of speed in a sweep, relative to the largest one that contact has to deal with, below which nothing changes
 any more."""
-SLIDES, MAY_SLIDE, GIVING_WAY = 1e-5, 1e-3, 8
+SLIDES, MAY_SLIDE, SLOWER, GIVING_WAY = 1e-5, 1e-3, 0.1, 8
 """Sliding, as a part of the largest speed that contact has to deal with, below which a contact holds; the same where
-impulses have not been found to the end, and what friction may lack there of all that it can be; and how often in a solve
-others may begin to slide, as some do."""
+impulses have not been found to the end, and what friction may lack there of all that it can be; the part of the speed
+that less friction would bring, below which it holds there, too; and how often in a solve others may begin to slide, as
+some do."""
 ROUNDING = 32 * float(np.finfo(float).eps)
 """Part of an impulse that rounding of some others makes."""
 QUIET = 1e-6
@@ -289,47 +290,55 @@ def level_all(b: Any, motion: Any, now: Any, gained: Any, joints: Any, cluster: 
 def relax(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> None:
     """Find the impulses of a cluster. All that it can hold at rest with the friction that this has stays at rest: only what
     slides even so has the friction of motion, which may let others slide."""
+    searches = 1
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
-        k.friction[k.order[at]] = k.surface[1, k.order[at]]
-    settled = search(b, k, motion, joints, cluster)
-    for _ in range(GIVING_WAY):
-        if not give_way(k, motion, cluster, SLIDES if settled else MAY_SLIDE):
-            break
-        settled = search(b, k, motion, joints, cluster)
+        c = k.order[at]
+        k.friction[c] = k.surface[1, c]
+        searches = 2 if k.surface[2, c] < k.surface[1, c] else searches
+    settled = search(b, k, motion, joints, cluster, searches)
+    again = GIVING_WAY if settled else 1
+    while again > 0 and give_way(k, motion, cluster, settled):
+        settled = search(b, k, motion, joints, cluster, searches)
+        again -= 1
 
 
 @outlined
-def give_way(k: Any, motion: Any, cluster: Any, slow: Any) -> bool:
-    """Let contacts of a cluster that slide, not only by a part so `slow`, though their friction is all that it can be at
-    rest, have that of motion; whether there are any."""
-    found, still = False, slow * motion.largest[cluster]
+def give_way(k: Any, motion: Any, cluster: Any, settled: Any) -> bool:
+    """Let contacts of a cluster that slide, though their friction is all that it can be at rest, have that of motion;
+    whether there are any. Where impulses have not `settled` slow sliding may be what they lack: less than a part of what it
+    would become by that."""
+    found, still = False, (SLIDES if settled else MAY_SLIDE) * motion.largest[cluster]
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
         if k.surface[2, c] < k.friction[c]:
             p, q, most = k.impulse[c, 1], k.impulse[c, 2], (1 - MAY_SLIDE) * k.friction[c] * k.impulse[c, 0]
             u, w = speed_along(k, motion, c, 1), speed_along(k, motion, c, 2)
-            if p * p + q * q >= most * most and u * u + w * w > still * still:
+            less = (k.friction[c] - k.surface[2, c]) * k.impulse[c, 0] / k.rows[c, 1, 15]
+            slow = still if settled else max(still, SLOWER * less)
+            if p * p + q * q >= most * most and u * u + w * w > slow * slow:
                 k.friction[c], found = k.surface[2, c], True
     return found
 
 
 @outlined
-def search(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> bool:
-    """Sweep over a cluster until nothing changes any more, or its share of work is done; whether it was the former. Joints
-    are solved for as a whole after each sweep.
+def search(b: Any, k: Any, motion: Any, joints: Any, cluster: Any, searches: Any) -> bool:
+    """Sweep over a cluster until nothing changes any more, or its share of work is done, one of so many `searches`; whether
+    it was the former. Joints are solved for as a whole after each sweep.
 
     Sweeps are taken for steps of a descent, and followed by one in the direction conjugate to them (Fletcher and Reeves),
     which is dropped where changes grow.
     """
     settled = SETTLED * motion.largest[cluster]
-    worst = descend(b, k, motion, joints, cluster, settled)
+    work = WORK // searches // (motion.contact_from[cluster + 1] - motion.contact_from[cluster])
+    most = min(max(work, LEAST_SWEEPS // searches), MOST_SWEEPS)
+    worst = descend(b, k, motion, joints, cluster, settled, most)
     motion.unsettled[cluster] = 0
     if not worst > settled:
         return True
     # Joints and friction may hold the same, which the direct method does not tell apart.
     if joints is not None and motion.first_component[cluster] >= 0:
         if brace(b, k, motion, joints, cluster):
-            worst = descend(b, k, motion, joints, cluster, settled)
+            worst = descend(b, k, motion, joints, cluster, settled, most)
         motion.unsettled[cluster] = 1 if worst > settled else 0
         return not worst > settled
     if steepness(b, motion, cluster) >= STEEP:
@@ -340,11 +349,10 @@ def search(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> bool:
 
 
 @outlined
-def descend(b: Any, k: Any, motion: Any, joints: Any, cluster: Any, settled: Any) -> float:
-    """Sweep over a cluster until speeds change by less than `settled`, or its share of work is done; returns the change in
+def descend(b: Any, k: Any, motion: Any, joints: Any, cluster: Any, settled: Any, most: Any) -> float:
+    """Sweep over a cluster until speeds change by less than `settled`, or as often as may be at most; returns the change in
     the last sweep."""
     first, last = motion.contact_from[cluster], motion.contact_from[cluster + 1]
-    most = min(max(WORK // (last - first), LEAST_SWEEPS), MOST_SWEEPS)
     size, worst = 0.0, 0.0
     for turn in range(most):
         if turn % 2 == 0:
