@@ -305,6 +305,65 @@ def test_a_block_holds_up_to_its_friction_angle(part: float, kept: float) -> Non
     assert np.abs(w).max() < 1e-9
 
 
+SHAKEN = {"level": ["x + a*sin(w*t)", "y", "z"], "up and down": ["x", "y + a*sin(w*t)", "z"]}
+
+
+@pytest.mark.parametrize("dt", [1e-3, 4e-3])
+@pytest.mark.parametrize("way", SHAKEN)
+def test_a_block_keeps_its_place_on_a_table_that_is_shaken(way: str, dt: float) -> None:
+    # It is held with up to 0.39 g by a friction of 0.4, and pressed on by 0.2 g at least; it begins as fast as the table.
+    # A step may leave it off by what a steady acceleration does in a quarter of it, a h²/8; none of that adds up.
+    most, w = (0.39 if way == "level" else 0.8) * G, 6 * math.pi
+    a = most / w**2
+    start = [a * w, 0, 0] if way == "level" else [0, a * w, 0]
+    block = body({"type": "box", "size": [0.2, 0.1, 0.2]}, position=[0, 0.1, 0], velocity=start)
+    table_top = {
+        "type": "box",
+        "size": [2, 0.1, 2],
+        "restitution": 0.0,
+        "friction": {"static": 0.4, "kinetic": 0.2},
+    }
+    led = {"collider": "table", "path": SHAKEN[way], "constants": {"a": a, "w": w}}
+    parts = {"colliders": [{"name": "table", **table_top}], "motions": [led], "forces": GRAVITY}
+    simulation = Simulation(ps.from_table(table(1.0, dt, bodies=[block], **parts)))
+    (state,) = simulation.states
+    for step in range(1, simulation.scenario.grid.steps + 1):
+        simulation.advance_to(step)
+        place = a * math.sin(w * step * dt)
+        at = [place, 0.1, 0] if way == "level" else [0, 0.1 + place, 0]
+        assert np.abs(state.x[:, 0] - at).max() < 1.01 * most * dt**2 / 8 + 1e-9
+
+
+def test_a_block_keeps_its_place_on_a_turntable_as_long_as_friction_holds_it() -> None:
+    # It needs ω² r, and has up to μ_s g; in two turns at 0.98 of that its radius does not change.
+    r, static = 0.5, 0.5
+    w = math.sqrt(0.98 * static * G / r)
+    block = body(
+        {"type": "box", "size": [0.05, 0.02, 0.05]},
+        position=[r, 0.06, 0],
+        velocity=[0, 0, -w * r],
+        angular_velocity=[0, w, 0],
+    )
+    disc = {
+        "type": "cylinder",
+        "start": [0, -0.05, 0],
+        "end": [0, 0.05, 0],
+        "radius": 1.0,
+        "restitution": 0.0,
+    }
+    turns = {"collider": "disc", "spin": {"axis": [0, 1, 0], "rate": w}}
+    final = simulate(
+        4.0,
+        1e-3,
+        bodies=[block],
+        colliders=[{"name": "disc", **disc, "friction": {"static": static, "kinetic": 0.4}}],
+        motions=[turns],
+        forces=GRAVITY,
+    ).final
+    assert np.hypot(*final.position[0, [0, 2]]) == pytest.approx(r, abs=1e-7)
+    assert final.angular_velocity[0, 1] == pytest.approx(w, abs=1e-7)
+
+
 # ---- bounces
 
 

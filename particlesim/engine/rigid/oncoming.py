@@ -242,7 +242,8 @@ def move_contact(k: Any, c: Any, to: Any) -> None:
     k.aim[0, to], k.aim[1, to] = k.aim[0, c], k.aim[1, c]
     for axis in range(3):
         k.point[axis, to], k.normal[axis, to] = k.point[axis, c], k.normal[axis, c]
-        k.surface[axis, to], k.belt[axis, to] = k.surface[axis, c], k.belt[axis, c]
+        k.surface[axis, to] = k.surface[axis, c]
+        k.belt[axis, to], k.lead[axis, to] = k.belt[axis, c], k.lead[axis, c]
     if k.falls is not None:
         for law in range(6):
             k.falls[law, to] = k.falls[law, c]

@@ -161,6 +161,10 @@ def aim(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
         hits = meets and quick and k.turns[c] == 0
         k.struck[c] = -struck if hits else 0.0
         k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -room
+        if not (meets and quick and k.surface[0, c] > 0):
+            for axis in range(3):
+                # What lies on a surface goes as that does from the middle of this step to that of the next one.
+                k.belt[axis, c] += k.lead[axis, c]
         largest = max(largest, max(abs(now), abs(now - before)))
         if meets:
             largest = max(largest, max(abs(speed_along(k, motion, c, 1)), abs(speed_along(k, motion, c, 2))))
