@@ -280,6 +280,39 @@ def test_a_cloud_about_a_body_gains_nothing_and_passes_nothing(e: float, mass: f
     assert result.missed_crossings == 0
 
 
+def test_rolling_friction_gives_nothing_where_a_box_drives_grains_to_and_fro() -> None:
+    # A box of 20 m/s throws two grains at the floor, at it and at each other, dozens of times in a step.
+    law = {"restitution": 0.3, "friction": 0.4}
+    sand = {
+        "name": "sand",
+        "radius": [0.0098, 0.0092],
+        "density": 2600.0,
+        "layout": {"type": "points", "position": [[-0.0124, 0.012, -0.0352], [0.0126, 0.0121, -0.0124]]},
+    }
+    box = {
+        "name": "box",
+        "shape": {"type": "box", "size": [0.06, 0.04, 0.08]},
+        "density": 90.0,
+        "position": [-0.0015, 0.0826, 0.0018],
+        "velocity": [0, -20.0, 0],
+        **law,
+    }
+    rows = simulate(
+        6e-3,
+        H,
+        particles=[sand],
+        bodies=[box],
+        planes=[law],
+        forces=[{"type": "gravity"}],
+        interactions=[
+            {"type": "contact", "on": ["sand", "box"], "model": "impulse", "rolling_friction": 0.1, **law}
+        ],
+        output={"every": 1, "ledger": True},
+    ).ledger
+    energy = rows["kinetic"] + rows["potential.gravity"]
+    assert np.diff(energy).max() < 1e-5 * energy[0]
+
+
 def test_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: Any) -> None:
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 0)
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)

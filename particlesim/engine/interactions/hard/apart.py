@@ -25,7 +25,7 @@ from particlesim.engine.interactions.hard.at_once import (
 from particlesim.engine.interactions.hard.bench import COUNT, KEPT, PAIRED
 from particlesim.engine.interactions.hard.memory import way_by
 from particlesim.engine.interactions.touching import line_between
-from particlesim.engine.state.columns import held, type_of
+from particlesim.engine.state.columns import type_of
 
 DONE = -1.0
 """In place of what a pair has been given: that it has been moved apart."""
@@ -34,9 +34,6 @@ SLACK, ROUGHLY = 1e-4, 1e-3
 TURNS_APART, MUCH, FAR = (4, 20), 0.005, 0.1
 """Turns in which overlaps are made smaller, at least, and at most; the parts of the smaller radius above which they go on,
 and above which particles may come into colliders that they were not near."""
-IN_BODIES = 0.5
-"""How deep a guest among bodies may be in one of these after its own step, as a part of its radius: next to nothing rests
-so deep, and further in it might be pushed through."""
 
 
 @outlined
@@ -79,20 +76,6 @@ def move_apart(each: Any, c: Any) -> float:
             c.y[j] -= by * wj * y
             c.z[j] -= by * wj * z
     return most
-
-
-@outlined
-def put_out_of_bodies(each: Any, c: Any) -> None:
-    """What has been among bodies in the step, and has been pushed deep into one since then, as between the others of a heap
-    into which that one falls, is put out of it."""
-    o = each.ways.obstacles
-    if o is None:
-        return
-    for i in range(c.r.size):
-        if (o.guests[i] > 0) & (each.a[i] > 0) & (not held(c.clock, i)):
-            r = float(c.r[i])
-            x = type(o).outside(o, (float(c.x[i]), float(c.y[i]), float(c.z[i])), r, i, IN_BODIES * r)
-            c.x[i], c.y[i], c.z[i] = type_of(c.x[i], x[0]), type_of(c.x[i], x[1]), type_of(c.x[i], x[2])
 
 
 @outlined

@@ -390,9 +390,8 @@ def bounce_off(w: Any, fed: Any, collider: Any, rolling: Any, c: Any, i: Any, t:
         g, axes = gap_and_normal(collider.shape, p)
         n = whole(axes, g)
         approach = dot((p.vx, p.vy, p.vz), n)
-        change = rebounded(w, collider, rolling, c, i, p, axes, n, approach)
         if approach < 0:
-            push(w, i, 1.0, change, s, h)
+            push(w, i, 1.0, rebounded(w, collider, rolling, c, i, p, axes, n, approach), s, h)
         w.what[IMPACTS, i] += 1
         into = -dot(row(w.go, i), n)
         if into > 0:

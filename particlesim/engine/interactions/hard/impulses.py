@@ -42,7 +42,6 @@ from particlesim.engine.interactions.hard.apart import (
     begin_apart,
     move_apart,
     move_on,
-    put_out_of_bodies,
     shift_from_walls,
     shift_pairs,
 )
@@ -79,6 +78,7 @@ from particlesim.engine.interactions.hard.walls import (
     push_off_walls,
     put_on_walls,
     put_out,
+    put_out_of_bodies,
     rub_walls,
     watch_walls,
 )
@@ -302,7 +302,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         turn, going, deepest, far = 0, True, 0.0, 0.0
         while (turn < TURNS_APART[0]) | (going & (turn < TURNS_APART[1])):
             most = move_apart(each, c)
-            put_out_of_bodies(each, c)
+            put_out_of_bodies(each, parts, c, t)
             deepest = put_on_walls(each, parts, c, t)
             far, going = max(far, most), most > MUCH
             turn += 1
@@ -314,7 +314,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), most))
         note_impulses(each, c, before)
     else:
-        put_out_of_bodies(each, c)
+        put_out_of_bodies(each, parts, c, t)
         remember(each, walls)
 
 

@@ -41,6 +41,9 @@ SAME_SIDE = 0.99
 OUT, NEARER, MOST_TURNS_OUT = 1e-9, 0.9, 64
 """How deep in a collider counts as outside, as a part of the radius; how much less deep each turn makes it, at least, to be
 followed by another; and how many turns there are at most."""
+IN_BODIES = 0.5
+"""How deep a guest among bodies may be in one of these after its own step, as a part of its radius: next to nothing rests
+so deep, and further in it might be pushed through."""
 FLAT = (PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord)
 """Shapes without corners."""
 
@@ -408,3 +411,31 @@ def put_out_of(each: Any, collider: Any, c: Any, t: Any, first: Any, last: Any) 
                     c.x[i], c.y[i], c.z[i] = put_back(collider.shape, p, g, whole(n, g))
                     deep = True
     return deep
+
+
+@outlined
+def put_out_of_bodies(each: Any, parts: Any, c: Any, t: Any) -> None:
+    """What has been among bodies in the step, and has been pushed deep into one since then, as between the others of a heap
+    into which that one falls, is put out of it, but not into colliders."""
+    o = each.ways.obstacles
+    if o is None:
+        return
+    for i in range(c.r.size):
+        if (o.guests[i] > 0) & (each.a[i] > 0) & (not held(c.clock, i)):
+            r, at = float(c.r[i]), (float(c.x[i]), float(c.y[i]), float(c.z[i]))
+            x = type(o).outside(o, at, r, i, IN_BODIES * r)
+            if x[0] != at[0] or x[1] != at[1] or x[2] != at[2]:
+                c.x[i], c.y[i], c.z[i] = type_of(c.x[i], x[0]), type_of(c.x[i], x[1]), type_of(c.x[i], x[2])
+                for part in parts:
+                    for collider in colliders_of(part):
+                        put_one_out_of(collider, part, c, i, t)
+
+
+@outlined
+def put_one_out_of(collider: Any, part: Any, c: Any, i: Any, t: Any) -> None:
+    """Put a particle out of a collider, if that holds it back."""
+    if (part.first <= i) & (i < part.last) & (collider.response.outcome == PASS):
+        p = fetch(c, i, t)
+        g, n = gap_and_normal(collider.shape, p)
+        if g < 0:
+            c.x[i], c.y[i], c.z[i] = put_back(collider.shape, p, g, whole(n, g))
