@@ -101,6 +101,22 @@ def _bent_evenly(p: Any, q: Any, h: Any) -> Any:
     return off <= type_of(h, EVEN) * (abs(x) + abs(y) + abs(z))
 
 
+@outlined
+def through(c: Any, p: Any, q: Any, slack: Any) -> Any:
+    """The part of the straight way from p to q, each at its own time, after which it leads into a collider to come out of
+    its other side, in the frame of one that moves; 1 where it does not."""
+    one = type_of(p.x, 1)
+    if not crossable(c):
+        return one
+    a, e, still = p, q, c
+    if isinstance(c.shape, MovingRecord):
+        a, e, still = ride(c.shape, p), ride(c.shape, q), at_rest(c)
+    begin = straight(a, e, one)
+    if apart(still, begin, e, one, slack) or not opposite(still, a, e):
+        return one
+    return min(first_contact(still, begin, e, one, slack), one)
+
+
 LONGER = 1.1
 """The square of how much longer than at the faster of its ends a particle may have come in a step."""
 

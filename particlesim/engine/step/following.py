@@ -18,7 +18,7 @@ from particlesim.engine.step.contacts import (
     rounding_of_step,
     shallow,
 )
-from particlesim.engine.step.crossing import even
+from particlesim.engine.step.crossing import even, through
 from particlesim.engine.step.gliding import CALM, LIVELY, SURE, glide, step_of
 from particlesim.engine.step.hits import hear, silence
 from particlesim.engine.step.moments import (
@@ -61,7 +61,7 @@ FLYING, LYING, ENDED = 0, 1, 2
 @outlined
 def separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
     """Push a particle out of all colliders; one that stays caught in a corner goes back to the legal place, unless that is
-    deeper in a collider that has moved there."""
+    deeper in a collider that has moved there, or that is farther than something thin."""
     slack = -rounding(contacts, p)
     q, outcome = meet(colliders, p)
     if coarse(contacts.tolerance) and nearest(colliders, p) >= -shallow(contacts, p):
@@ -75,6 +75,9 @@ def separate(colliders: Any, p: Any, legal: Any, contacts: Any) -> Any:
     if left < slack:
         back = moved_to(q, legal.x, legal.y, legal.z, q.vx, q.vy, q.vz, q.t)
         q = chosen(nearest(colliders, back) >= left, back, q)
+    way = abs(q.x - p.x) + abs(q.y - p.y) + abs(q.z - p.z)
+    if outcome == PASS and way > -type_of(slack, DEEP) * slack:
+        q = _held(contacts, legal, q)  # one collider may have put it to the other side of something thin
     return q, outcome
 
 
@@ -165,9 +168,12 @@ def follow(
             # From now on it lies where it touches.
             calm, stalls = SURE, 0
             continue
-        tau, q, on, dies_out, lay = _impact(
+        tau, q, still_on, dies_out, lay = _impact(
             method, dynamics, forces, contacts, p, q, late, memory, h, how, exact, force, bouncy
         )
+        if any(_left(on, still_on)):
+            q = _held(contacts, p, q)
+        on = still_on
         impacts += 1
         stalls = stalls + 1 if dies_out else 0
         if lay:
@@ -189,17 +195,44 @@ def follow(
     return p, memory, outcome, hit, exhausted, legal, ends, alone, hits
 
 
+@outlined
 def _pushed(colliders: Any, p: Any, slack: Any, end: Any) -> Any:
-    """A particle that has had too many impacts, at the end of its step: it stays, or goes with what pushes it on."""
+    """A particle that has had too many impacts, at the end of its step: it stays, or goes with what comes upon it. What is
+    thin may go over it altogether in that time."""
     r = moved_to(p, p.x, p.y, p.z, p.vx, p.vy, p.vz, end)
     for c in colliders:
         if isinstance(c.shape, MovingRecord):
-            local, zero = ride(c.shape, p), p.x - p.x
-            pushes = (gap(c, p) <= slack) & (gap(c, r) < -slack)
-            r = chosen(
-                pushes, alight(c.shape, moved_to(p, local.x, local.y, local.z, zero, zero, zero, end)), r
-            )
+            local, there, zero = ride(c.shape, p), ride(c.shape, r), p.x - p.x
+            s = through(c, p, r, slack)
+            if s < 1 or gap(c, r) < -slack:
+                x, y, z = (
+                    a + s * (b - a) if s < 1 else a
+                    for a, b in zip((local.x, local.y, local.z), (there.x, there.y, there.z), strict=True)
+                )
+                r = alight(c.shape, moved_to(p, x, y, z, zero, zero, zero, end))
     return r
+
+
+def _left(before: Any, on: Any) -> Any:
+    """Which of the colliders that a particle lay on it lies on no more."""
+    return tuple(was and not here for was, here in zip(before, on, strict=True))
+
+
+def _held(contacts: Any, p: Any, q: Any) -> Any:
+    """The particle q after p on this side of what is thin, though it would lie there for a longer time only."""
+    slack = rounding(contacts, p)
+    if _beyond(contacts.continuous, p, q, slack):
+        r = _pushed(contacts.continuous, p, slack, q.t)
+        q = moved_to(q, r.x, r.y, r.z, q.vx, q.vy, q.vz, q.t)
+    return q
+
+
+def _beyond(colliders: Any, p: Any, q: Any, slack: Any) -> Any:
+    """Whether the straight way from p to q leads through something thin."""
+    found = False
+    for c in colliders:
+        found = found or through(c, p, q, slack) < 1
+    return found
 
 
 @outlined
@@ -274,6 +307,7 @@ def _impact(
             sooner = tau * type_of(h, SOONER)
             r, _, on, _ = glide(method, dynamics, forces, contacts, p, sooner, memory, how)
             lay = any(on) and ahead(contacts, on, r) >= 0
+            lay = lay and not _beyond(contacts.continuous, p, r, rounding(contacts, p))
             tau, q = (sooner, r) if lay else (tau, q)
     return tau, q, on, dies_out, lay
 
