@@ -101,6 +101,11 @@ class Mesh(TriangleSolid):
     def take(self, content: tuple[Floats, Ints]) -> None:
         """Vertices [n, 3] and triangles [m, 3]. Raises UsageError when they enclose nothing, though they should."""
         vertices, faces = content
+        largest = self.scale * float(np.abs(vertices).max(initial=0.0))
+        if not largest < FAR:
+            raise UsageError(
+                f"{self.path}: its coordinates go up to {largest:.3g} m", f"they may be less than {FAR:g} m"
+            )
         corners = Triangles(self.scale * vertices, faces).placed(self.origin, self.rotation()).corners
         solid, self._dropped = without_flat(corners, faces)
         if len(solid) == 0:
@@ -244,6 +249,8 @@ def area(corners: Floats, faces: Ints) -> float:
     return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
+FAR = 1e100
+"""Coordinates that no mesh has, and whose products are numbers [m]."""
 FLAT = 2e-7
 """Height of a triangle in parts of the size of its mesh, up to which it has no area; a solid that is half as thick
 has no volume."""

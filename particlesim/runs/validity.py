@@ -12,6 +12,7 @@ import numpy as np
 from particlesim.colliders import Collider
 from particlesim.colliders.content import files_in
 from particlesim.colliders.mesh import told_of_flat
+from particlesim.colliders.rectangle import Sheet
 from particlesim.engine.diagnosis.crowding import crowded, crowded_births
 from particlesim.engine.diagnosis.haste import Haste, haste
 from particlesim.engine.diagnosis.overlaps import Caught, caught, no_room, overlaps
@@ -90,6 +91,7 @@ def doubtful(world: World) -> tuple[str, ...]:
         *stiff(world),
         *knotted(world),
         *slits(world),
+        *too_thin(world),
         *flat_triangles(world.scenario),
         *shapes_of_bodies(world.scenario),
     )
@@ -257,6 +259,33 @@ def _coarse_told(label: str, step: float, length: float, precision: str, when: s
         f"{label}: {when} particles are so far from the origin that positions are rounded by {step:.2g} m, and the "
         f"interaction acts over {length:.3g} m: place them nearer to the origin{better}"
     )
+
+
+THINNEST = 64
+"""The thickness of sheets, in steps between two numbers at a place, from which on contact knows their sides for sure."""
+
+
+def too_thin(world: World) -> tuple[str, ...]:
+    """A sentence for every sheet so thin that places are rounded to a part of it."""
+    found = []
+    far = max(
+        (float(np.abs(state.x[:, : state.count]).max(initial=0.0)) for state in world.states), default=0.0
+    )
+    precision = world.scenario.simulation.precision
+    for _, collider in collider_tables(world.scenario):
+        thickness = (
+            2 * collider.half() if isinstance(collider, Sheet) else getattr(collider, "thickness", None)
+        )
+        if thickness is None:
+            continue
+        step = float(np.finfo(precision).eps) * max(far, float(np.abs(collider.pivot()).max()))
+        if thickness < THINNEST * step:
+            better = ', or precision = "double"' if precision == "single" else ""
+            found.append(
+                f"{_called(world, collider)} is {thickness:.3g} m thick, and positions there are rounded by {step:.2g} m: "
+                f"what touches it may pass. Make it {THINNEST * step:.2g} m thick at least{better}"
+            )
+    return tuple(found)
 
 
 def _haste_told(label: str, each: Haste, when: str) -> str:

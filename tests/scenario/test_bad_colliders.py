@@ -363,3 +363,25 @@ size = [SIZE, SIZE, SIZE]
             with pytest.raises(ps.ScenarioError, match=NOWHERE) as caught:
                 World(ps.load(path))
         assert {each.span.line for each in caught.value.diagnostics if each.span} == {14}
+
+
+def test_a_sheet_that_is_thinner_than_places_are_exact_is_told() -> None:
+    def told(precision: str, thickness: float) -> list[str]:
+        sheet = {"type": "rectangle", "size": [4, 4], "thickness": thickness}
+        made = table(0.1, 1e-2, colliders=[sheet], particles=[points((0, 2, 0), radius=0.0)])
+        made["simulation"] |= {"precision": precision}
+        made["output"] |= {"precision": "single"}
+        return [each for each in doubtful(World(ps.from_table(made))) if "thick" in each]
+
+    # numbers at 2 m are 2.4e-7 m apart, in single precision; 64 of those are 1.5e-5 m
+    (sentence,) = told("single", 1e-6)
+    assert "rectangle" in sentence
+    assert "1.5e-05 m thick at least" in sentence
+    assert told("single", 2e-5) == told("double", 1e-6) == []
+
+
+def test_coordinates_of_meshes_beyond_all_measure_are_refused(tmp_path: Path) -> None:
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "cube.obj")
+    huge = {"type": "mesh", "path": str(tmp_path / "cube.obj"), "scale": 1e200}
+    with pytest.raises(ps.ScenarioError, match="coordinates go up to 5e"):
+        simulate(0.1, 1e-2, colliders=[huge], **GRAIN)

@@ -112,6 +112,7 @@ def test_unreadable_file(tmp_path: Path) -> None:
         ("[f\nx = 1", "not valid TOML", 1, 3, "a table's name stands in brackets: [simulation]"),
         ('a = "x\nb = 1', "this text has no closing quote", 1, 5, None),
         ('a = """x\ny', "this text has no closing quotes", 1, 5, None),
+        ("a = 1  # \0", "a control character (number 0) cannot stand here", 1, 10, "take it out"),
         ('a = "C:\\Users"', "a backslash starts an escape", 1, 8, "single quotes"),
         ("a = [1,\n2\n\n[[f]]\nb = 3", "this '[' is not closed", 1, 5, None),
         ("a = [1,,2]", "expected a value, ',' or ']' here", 1, 8, None),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from particlesim.scenario.text import positions
 from particlesim.scenario.text.positions import TextRange
 
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 # 64 names joined by dots: tomllib's time grows with the square of the parts of a key.
@@ -83,6 +84,10 @@ def explain(text: str, error: tomllib.TOMLDecodeError) -> Mistake:
         return _defined_twice(text, at, reason)
     if re.match(r"Unterminated string|Illegal character '\\n'|Expected ['\"]{2}", reason):
         return _unclosed_text(text, at)
+    control = _CONTROL.search(text, max(at - 1, 0))
+    if control is not None and r"character '\x" in reason:
+        what = f"a control character (number {ord(control[0])}) cannot stand here"
+        return Mistake(what, TextRange(control.start(), control.end()), hint="take it out")
     if re.search(r"\\|[Ee]scape|[Hh]ex value", reason):
         advice = "write the text in 'single quotes', or each backslash twice"
         first = max(text.rfind("\\", 0, at + 1), 0)
