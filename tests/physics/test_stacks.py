@@ -11,7 +11,7 @@ from simulate import G, energies, table
 import particlesim as ps
 from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.rigid.bodies import WORLD
-from particlesim.engine.rigid.solver import ROUNDING, SETTLED
+from particlesim.engine.rigid.sweeps import ROUNDING, SETTLED
 from particlesim.engine.simulation import Simulation
 from particlesim.preflight.advice import advice
 

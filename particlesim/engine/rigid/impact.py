@@ -19,8 +19,8 @@ from particlesim.engine.rigid.contact_rows import direct, speed_along
 from particlesim.engine.rigid.energy import NOISE
 from particlesim.engine.rigid.narrow import clamped
 from particlesim.engine.rigid.rotation import cross
-from particlesim.engine.rigid.solver import relax
 from particlesim.engine.rigid.stops import tangent
+from particlesim.engine.rigid.sweeps import relax
 from particlesim.engine.rigid.timing import kick_along, restitution_at
 
 

@@ -14,8 +14,8 @@ from particlesim.engine.rigid.braced import level_there
 from particlesim.engine.rigid.contact_rows import presses
 from particlesim.engine.rigid.energy import parted, taken
 from particlesim.engine.rigid.joints import component_of
-from particlesim.engine.rigid.solver import level_all
 from particlesim.engine.rigid.support import CARRIED, note_carried
+from particlesim.engine.rigid.sweeps import level_all
 from particlesim.engine.rigid.timing import kick_along
 
 BOTH, FIRST, SECOND = 0, 1, 2
