@@ -79,6 +79,24 @@ def test_an_impact_has_its_rolling_friction() -> None:
     assert got.angular_velocity[0, 2] == pytest.approx(spin - rolling * R * (1 + e) * mass * v / inertia)
 
 
+@pytest.mark.parametrize(
+    ("speed", "free"), [(1.0, True), (3.5, True), (6.0, True), (3.5, False), (6.0, False)]
+)
+def test_an_impact_has_the_friction_of_motion(speed: float, free: bool) -> None:
+    """What slides at u is stopped by 2/7 u, or slowed by μ_k (1 + e) v_n where that is less: 0.64 m/s. The friction at rest
+    would stop up to 1.6 m/s, that is a ball of 3.5 m/s with its 1 m/s. With rolling friction, of next to nothing here, an
+    impact is in the middle of the step."""
+    thrown = {
+        "shape": {"type": "sphere", "radius": 0.05},
+        "position": [0, 0.25, 0],
+        "velocity": [speed, -2.0, 0],
+    }
+    floor = {"restitution": 0.6, "friction": {"static": 0.5, "kinetic": 0.2}}
+    more = {} if free else {"rolling_friction": 1e-12}
+    final = simulate(0.3, 1e-3, bodies=[{"name": "ball", **thrown, **more}], planes=[floor]).final
+    assert final.velocity[0, 0] == pytest.approx(speed - min(2 / 7 * speed, 0.2 * 1.6 * 2.0), abs=1e-9)
+
+
 @pytest.mark.parametrize("shape", ["sphere", "capsule"])
 def test_what_passes_edges_without_touching_goes_straight_on(shape: str) -> None:
     """Past the edges of two boxes, by 0.1 to 1 mm: contacts ahead of an impact had thrown back one in thirty."""

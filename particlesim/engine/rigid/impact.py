@@ -66,6 +66,7 @@ def lay(b: Any, k: Any, motion: Any, c: Any, late: Any) -> None:
         more -= kick_along(b, k, motion, c, True, late)
     meets = speed_along(k, motion, c, 0) + more
     k.target[c] = max(-restitution_at(k, c, -meets) * meets - more, 0.0) if meets < 0 else 0.0
+    k.struck[c] = max(-meets, 0.0)
 
 
 @outlined

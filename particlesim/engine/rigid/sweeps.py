@@ -45,11 +45,11 @@ ROUNDING = 32 * float(np.finfo(float).eps)
 @outlined
 def relax(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> None:
     """Find the impulses of a cluster. All that it can hold at rest with the friction that this has stays at rest: only what
-    slides even so has the friction of motion, which may let others slide."""
+    slides even so has the friction of motion, which may let others slide, and so have impacts."""
     searches = 1
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
         c = k.order[at]
-        k.friction[c] = k.surface[1, c]
+        k.friction[c] = k.surface[2 if k.struck[c] > 0 else 1, c]
         searches = 2 if k.surface[2, c] < k.surface[1, c] else searches
     settled = search(b, k, motion, joints, cluster, searches)
     again = GIVING_WAY if settled else 1
