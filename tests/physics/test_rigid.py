@@ -364,6 +364,28 @@ def test_a_block_keeps_its_place_on_a_turntable_as_long_as_friction_holds_it() -
     assert final.angular_velocity[0, 1] == pytest.approx(w, abs=1e-7)
 
 
+@pytest.mark.parametrize("dt", [5e-3, 1e-3])
+def test_a_ball_rolls_on_a_turntable_in_circles_at_two_sevenths_of_its_rate(dt: float) -> None:
+    # v' = 2/7 W × v for a solid ball that does not slip (K. Weltner, Am. J. Phys. 47, 984 (1979)): with a constant speed.
+    rate, r, time, start = 3.0, 0.05, 6.0, np.array([0.0, 0.0, 0.25])
+    place = np.array([0.3, r, 0.0])
+    slip = np.cross([0, rate, 0], place) - start
+    rolls = ball(
+        r,
+        position=place.tolist(),
+        velocity=start.tolist(),
+        angular_velocity=np.cross([0, 1, 0], -slip / r).tolist(),
+    )
+    disc = {"name": "disc", "type": "plane", "friction": 2.0, "restitution": 0.0}
+    led = {"collider": "disc", "spin": {"axis": [0, 1, 0], "rate": rate}}
+    v = simulate(time, dt, bodies=[rolls], colliders=[disc], motions=[led], forces=GRAVITY).final.velocity[0]
+    turned = 2 / 7 * rate * time
+    # The speed is kept to second order, and so is the rate: off by (ω h)²/12 or so of the angle.
+    assert np.linalg.norm(v) == pytest.approx(0.25, rel=0.1 * (rate * dt) ** 2)
+    expected = 0.25 * np.array([math.sin(turned), 0, math.cos(turned)])
+    assert np.abs(v - expected).max() < 0.25 * turned * (rate * dt) ** 2
+
+
 # ---- bounces
 
 

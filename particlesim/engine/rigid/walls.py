@@ -103,16 +103,21 @@ def touch_wall(scene: Any, wall: Any, b: Any, k: Any, i: Any, margin: Any, t: An
     for number in range(begin, k.number[0]):
         set_wall(wall, k, number, t)
     if isinstance(wall.shape, MovingRecord) and k.number[0] > begin:
-        note_lead(wall.shape, k, place(b, i), begin, t, h)
+        note_lead(wall.shape, k, place(b, i), row(b.v, i), begin, t, h)
 
 
 @outlined
-def note_lead(c: Any, k: Any, x: Any, begin: Any, t: Any, h: Any) -> None:
-    """Note by how much a collider that moves has another velocity at the end of a step of h than in its middle at t, where
-    a body at x would be that it carries, for the contacts of that from `begin` on."""
-    f, end = frame_at(c, t, 0.0), frame_at(c, t + 0.5 * h, 0.0)
-    now = surface_velocity(c, f, x[0], x[1], x[2])
-    y = plus(x, 0.5 * h, now)
+def note_lead(c: Any, k: Any, x: Any, v: Any, begin: Any, t: Any, h: Any) -> None:
+    """Note by how much a collider that moves has another velocity at the end of a step of h than in its middle at t, along
+    the way of a body at x that has come there with v, for the contacts of that from `begin` on. What the collider carries
+    has come with its velocity at the beginning of the step, and goes on by as much faster as that has become since."""
+    was, f, end = frame_at(c, t - 0.5 * h, 0.0), frame_at(c, t, 0.0), frame_at(c, t + 0.5 * h, 0.0)
+    begun = plus(x, -0.5 * h, v)
+    before, now = (
+        surface_velocity(c, was, begun[0], begun[1], begun[2]),
+        surface_velocity(c, f, x[0], x[1], x[2]),
+    )
+    y = plus(plus(x, 0.5 * h, v), 0.5 * h, minus(now, before))
     then = surface_velocity(c, end, y[0], y[1], y[2])
     for number in range(begin, k.number[0]):
         for axis, (one, two) in enumerate(zip(now, then, strict=True)):
