@@ -41,6 +41,8 @@ STRAIGHT = 2.0
 """The BEND of a way of one leg."""
 SPINS = 9
 """Row of the state at the beginning of a step at which angular velocities begin."""
+BRIEF = 1e-9
+"""The part of a way below which a leg is none: rounding would make its pace."""
 ASTRAY = 1e-3
 """How far both legs may miss each other, as a part of the radius, and of the change of velocity times the step."""
 
@@ -195,7 +197,7 @@ def bend_of(w: Any, i: Any, r: Any, h: Any) -> Any:
     miss = tuple(e[axis] + part * d[axis] for axis in range(3))
     astray = miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2] > ASTRAY * ASTRAY * min(size, r * r)
     middle = tuple(part * long * u[axis] - 0.5 * miss[axis] for axis in range(3))
-    return (-1.0 if astray | (part <= 0) | (part >= 1) else part), middle
+    return (-1.0 if astray | (part <= BRIEF) | (part >= 1 - BRIEF) else part), middle
 
 
 def bend_way(w: Any, i: Any, r: Any, h: Any) -> None:
