@@ -2,7 +2,7 @@
 
 Overlaps at the start, as with random positions, hold elastic energy that no work has put there: the particles would fly
 apart. So positions are changed, not velocities, until no pair overlaps by more than `LEFT` of its smaller radius:
-overlapping pairs are moved apart along their centres, in inverse proportion to their masses, all at once and again and again
+pairs that do are moved apart along their centres, in inverse proportion to their masses, all at once and again and again
 (Jacobi's iteration on the projections of position based dynamics; M. Müller, B. Heidelberger, M. Hennix, J. Ratcliff, J.
 Vis. Commun. Image Represent. 18, 109 (2007)). The limits on the displacements of a pair, `BOLD` and `YIELD`, scale those of
 both particles alike, so that the centre of mass stays; colliders put back particles that get into them, which does move it.
@@ -22,7 +22,7 @@ from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
 from particlesim.interactions import PairSet
 from particlesim.interactions.contact import Contact
-from particlesim.model.arrays import Floats, Ints
+from particlesim.model.arrays import Bools, Floats, Ints
 from particlesim.process.preparing import preparing
 from particlesim.process.signals import held_signals
 from particlesim.scenario.box import PeriodicBox
@@ -86,15 +86,18 @@ def _separated(
     before, first, number = x.copy(), float(depth.max()), int((depth > limit).sum())
     looked = np.full_like(x, np.inf)
     with preparing("moving apart particles that overlap at the start"), held_signals() as signals:
-        for _ in range(TURNS):
+        for turn in range(TURNS):
             signals.check()
-            if not _holds(x, looked, r):
+            if not _holds(x, looked, r, pairs.moved):
                 pairs.find(x, AHEAD)
                 looked = x.copy()
             if not pairs.move(x):
                 break
+            loose = free if turn == 0 else np.where(pairs.moved, free, 0.0)
             for state, begin, end in zip(states, ends, ends[1:], strict=False):
-                _put_out(structure, state, x[begin:end], r[begin:end], free[begin:end])
+                _put_out(structure, state, x[begin:end], r[begin:end], loose[begin:end])
+            if turn == 0:  # any may have been inside a collider
+                pairs.moved[:] = True
     left = pairs.find(x, 0.0)
     cramped = bool((left > 2 * LEFT * pairs.smaller).any())
     way = _furthest(x, before)
@@ -111,9 +114,11 @@ def _furthest(x: Floats, from_: Floats) -> float:
     return float(np.sqrt(((x - from_) ** 2).sum(axis=1).max()))
 
 
-def _holds(x: Floats, looked: Floats, r: Floats) -> bool:
-    """Whether no sphere has moved so far since the search for pairs that some may be missing."""
-    return bool((((x - looked) ** 2).sum(axis=1) < (AHEAD * r) ** 2)[r > 0].all())
+def _holds(x: Floats, looked: Floats, r: Floats, moved: Bools) -> bool:
+    """Whether no sphere has moved so far since the search for pairs that some may be missing; only those that have `moved`
+    in the last turn are looked at."""
+    rows = np.flatnonzero(moved & (r > 0))
+    return bool((((x[rows] - looked[rows]) ** 2).sum(axis=1) < (AHEAD * r[rows]) ** 2).all())
 
 
 def _lightness(state: GroupState) -> Floats:
@@ -133,11 +138,13 @@ def _put_out(structure: Island, state: GroupState, x: Floats, r: Floats, free: F
 
 
 class Pairs:
-    """Pairs of spheres with radii [m] and 1/m that may overlap; `side`: of which of two groups each is, None: all touch."""
+    """Pairs of spheres with radii [m] and 1/m that may overlap; `side`: of which of two groups each is, None: all touch.
+    `moved`: the spheres that the last turn has moved. A pair of two others is as it was, and not measured again."""
 
     def __init__(self, r: Floats, free: Floats, side: Ints | None, box: PeriodicBox | None) -> None:
         self.r, self.free, self.side, self.box = r, free, side, box
         self.i = self.j = np.empty(0, np.int64)
+        self.moved = np.ones(len(r), bool)
         self.those, self.ways = np.empty((0, 2), np.int64), np.empty((0, 4))
 
     @property
@@ -158,12 +165,13 @@ class Pairs:
     def move(self, x: Floats) -> bool:
         """Move those at x [n, 3] apart by one turn, in place; whether there was anything too deep."""
         lengths = np.zeros(3) if self.box is None else self.box.as_box().steps
-        crowd, found = np.zeros(len(x)), np.zeros(2, np.int64)
-        _measure(x, self.r, self.free, self.i, self.j, lengths, self.those, self.ways, crowd, found)
-        if found[1] == 0:
-            return False
-        _push(x, self.free, self.those[: found[0]], self.ways, crowd)
-        return True
+        crowd, found = np.zeros(len(x)), np.zeros(1, np.int64)
+        _measure(
+            x, self.r, self.free, self.i, self.j, self.moved, lengths, self.those, self.ways, crowd, found
+        )
+        self.moved[:] = False
+        _push(x, self.free, self.those[: found[0]], self.ways, crowd, self.moved)
+        return bool(found[0] > 0)
 
 
 @kernel
@@ -173,39 +181,42 @@ def _measure(
     free: Any,
     rows: Any,
     others: Any,
+    moved: Any,
     lengths: Any,
     those: Any,
     ways: Any,
     crowd: Any,
     found: Any,
 ) -> None:
-    """Which of the pairs of spheres at x [n, 3] overlap (`those`); for each of these the direction from the second to the
-    first and how far they are to go [m] (`ways`); `crowd`: for each sphere, the sum of the reduced masses of these pairs, as
-    a part of its mass: a much lighter neighbour hardly counts; `found`: how many overlap, and by too much. `lengths`: of a
+    """Which of the pairs of spheres at x [n, 3] overlap by too much (`those`); for each of these the direction from the
+    second to the first and how far they are to go [m] (`ways`); `crowd`: for each sphere, the sum of the reduced masses of
+    these pairs, as a part of its mass: a much lighter neighbour hardly counts; `found`: how many there are. `lengths`: of a
     periodic box, 0 along others."""
-    end, deep = 0, 0
+    end = 0
     for k in range(rows.size):
         i, j = rows[k], others[k]
-        way = _nearest(lengths, (x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]))
-        far = np.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
-        smaller = min(r[i], r[j])
-        allowed = LEFT / 2 * smaller
-        depth = r[i] + r[j] - allowed - far
-        if depth > 0:
-            deep += 1 if depth > allowed else 0
-            # what has no direction gets one that is not that of others
-            turn, aside = 2.399963 * float(i + j), 1.5**-0.5
-            scale = 1 / far if far > 0 else 0.0
-            those[end, 0], those[end, 1] = i, j
-            ways[end, 0] = way[0] * scale if far > 0 else aside * np.cos(turn)
-            ways[end, 1] = way[1] * scale if far > 0 else aside * np.sin(turn)
-            ways[end, 2] = way[2] * scale if far > 0 else aside * np.cos(2 * turn)
-            ways[end, 3] = min(depth, BOLD * smaller)
-            both = free[i] + free[j]
-            crowd[i] += free[i] / both
-            crowd[j] += free[j] / both
-            end += 1
-    found[0], found[1] = end, deep
+        if moved[i] | moved[j]:
+            way = _nearest(lengths, (x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]))
+            far = np.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+            smaller = min(r[i], r[j])
+            allowed = LEFT / 2 * smaller
+            depth = r[i] + r[j] - allowed - far
+            if (
+                depth > allowed
+            ):  # it goes to half of what is allowed: what neighbours do then may leave it in peace
+                # what has no direction gets one that is not that of others
+                turn, aside = 2.399963 * float(i + j), 1.5**-0.5
+                scale = 1 / far if far > 0 else 0.0
+                those[end, 0], those[end, 1] = i, j
+                ways[end, 0] = way[0] * scale if far > 0 else aside * np.cos(turn)
+                ways[end, 1] = way[1] * scale if far > 0 else aside * np.sin(turn)
+                ways[end, 2] = way[2] * scale if far > 0 else aside * np.cos(2 * turn)
+                ways[end, 3] = min(depth, BOLD * smaller)
+                both = free[i] + free[j]
+                crowd[i] += free[i] / both
+                crowd[j] += free[j] / both
+                end += 1
+    found[0] = end
 
 
 def _nearest(lengths: Any, way: Any) -> Any:
@@ -217,11 +228,12 @@ def _nearest(lengths: Any, way: Any) -> Any:
 
 
 @kernel
-def _push(x: Any, free: Any, those: Any, ways: Any, crowd: Any) -> None:
+def _push(x: Any, free: Any, those: Any, ways: Any, crowd: Any, moved: Any) -> None:
     """Each pair goes apart by its way, less where its two have other pairs, and both by one factor, so that the centre of
-    mass stays."""
+    mass stays. Note which have `moved`."""
     for k in range(those.shape[0]):
         i, j = those[k, 0], those[k, 1]
+        moved[i], moved[j] = True, True
         push = ways[k, 3] / ((free[i] + free[j]) * max(YIELD * (crowd[i] + crowd[j]), 1.0))
         for axis in range(3):
             x[i, axis] += free[i] * push * ways[k, axis]
