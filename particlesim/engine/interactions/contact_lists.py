@@ -40,8 +40,9 @@ APART, HOLDS, SLIDES = range(3)
 KNOWN = 3
 """In `anchor`: where that stands."""
 BUILT, WANTED, FRESH, ROUND = range(4)
-"""In `report`: the number of the neighbour lists that these are made from, the pairs that there would be, whether forces are
-those of the present state since it was concluded, and how often memories have been brought up to date, from 1 on."""
+"""In `report`: the number of the neighbour lists that these are made from, how many pairs there have been at most, whether
+forces are those of the present state since it was concluded, and how often memories have been brought up to date, from 1
+on."""
 
 LINE = 64
 """Bytes of a cache line."""
@@ -218,7 +219,9 @@ def _make(lists: Any, draft: Any, near: Any, share: Any) -> None:
             if not fits:
                 draft.count[g] = NO_ROOM
                 draft.slow[g // chunk_groups(groups)] = 1
-        lists.report[WANTED] = end
+        lists.report[WANTED] = max(
+            lists.report[WANTED], end
+        )  # a later, shorter list does not make good for it
     meet(share.gate, share.threads)
     for s in range(share.number, SLICES, share.threads):
         first, last = slice_of(groups, s)

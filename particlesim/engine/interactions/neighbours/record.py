@@ -38,7 +38,7 @@ FAR = 1e30
 away as that, or whose position is not finite, is no neighbour of any other."""
 
 STALE, OVERFLOW, BUILDS, LIVED, DUE, CAPACITY = range(6)
-"""In `report`: whether the lists have to be built anew or found again, whether they had no room, how often they were built,
+"""In `report`: whether the lists have to be built anew or found again, whether any had no room, how often they were built,
 for how many uses they have lived; whether sums over them are due though nothing may have changed, as others have looked at
 them; for how many candidates there is room."""
 LOST = 2

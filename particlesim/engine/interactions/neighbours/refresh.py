@@ -25,7 +25,6 @@ from particlesim.engine.interactions.neighbours.record import (
     MOVED,
     MOVED_HIGH,
     NEXT,
-    OVERFLOW,
     POOL,
     SLICES,
     STALE,
@@ -198,7 +197,6 @@ def build(near: Any, c: Any, share: Any, t: Any) -> None:
         near.report[POOL] = 0
         near.report[NEXT] = 0
         near.report[STALE] = 0
-        near.report[OVERFLOW] = 0
         near.report[BUILDS] += 1
         near.report[LIVED] = 0
     meet(share.gate, share.threads)
@@ -214,7 +212,6 @@ def find_again(near: Any, c: Any, share: Any) -> None:
         near.report[POOL] = 0
         near.report[NEXT] = 0
         near.report[STALE] = 0
-        near.report[OVERFLOW] = 0
     if near.radii is not None:
         for s in range(share.number, SLICES, share.threads):
             first, last = slice_of(near.order.size, s)
