@@ -1,12 +1,13 @@
 """Settled grains by Hertz–Mindlin contacts with history, against LAMMPS' granular package; growth of time with number.
 
-    python tests/bench/bench_grains.py [--grains 100000] [--rounds 3] [--lammps /path/to/venv] [--settled FILE] [--growth]
+    python tests/bench/bench_grains.py [--grains 100000] [--rounds 3] [--lammps /path/to/venv] [--settled FILE]
+    python tests/bench/bench_grains.py --growth [--threads 2] [--rounds 3]
 
 Equal spheres that have settled in a box with five walls: LAMMPS lets them fall, and both go on from there, in steps of the
 same length, on one thread. CPU time, in turn, several rounds; the best of each is compared. `--lammps` names a virtual
 environment with the package lammps, `--settled` a data file of LAMMPS to go on from, which is written if it is not there:
 to settle takes much longer than to measure. `--growth` takes 10⁴ grains that psim has let settle, and nine and a hundred
-times as many, as mirror images side by side; it needs no peer.
+times as many, as mirror images side by side; it needs no peer. On more than one thread, times are those of a clock.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import resource
 import subprocess
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -108,14 +110,16 @@ def settled(path: Path) -> NDArray[np.float64]:
     return np.array([[float(v) for v in line.split()[4:7]] for line in lines[first : first + number]])
 
 
-def simulation(x: NDArray[np.float64], edge: float, precision: str = "double") -> Simulation:
+def simulation(
+    x: NDArray[np.float64], edge: float, precision: str = "double", threads: int = 1
+) -> Simulation:
     """The same grains and walls."""
     with tempfile.TemporaryDirectory() as name:
         np.save(Path(name) / "grains.npy", x[:, [0, 2, 1]])
-        return _simulation(Path(name) / "grains.npy", edge, precision)
+        return _simulation(Path(name) / "grains.npy", edge, precision, threads)
 
 
-def _simulation(grains: Path, edge: float, precision: str) -> Simulation:
+def _simulation(grains: Path, edge: float, precision: str, threads: int) -> Simulation:
     walls = (
         ((0, 0, 0), (0, 1, 0)),
         ((0, 0, 0), (1, 0, 0)),
@@ -156,14 +160,14 @@ def _simulation(grains: Path, edge: float, precision: str) -> Simulation:
             ],
         }
     )
-    return Simulation(scenario, threads=1)
+    return Simulation(scenario, threads=threads)
 
 
-def timed(one: Simulation, steps: int) -> float:
-    """CPU seconds of some more steps."""
-    start = time.process_time()
+def timed(one: Simulation, steps: int, clock: Callable[[], float] = time.process_time) -> float:
+    """Seconds of some more steps, of the CPU unless another clock is given."""
+    start = clock()
     one.advance_to(one.step + steps)
-    return time.process_time() - start
+    return clock() - start
 
 
 def against_lammps(number: int, rounds: int, venv: str, given: Path | None) -> None:
@@ -238,18 +242,19 @@ def mirrored(x: NDArray[np.float64], edge: float, tiles: int) -> NDArray[np.floa
     return np.concatenate(found)
 
 
-def growth(rounds: int) -> None:
-    """CPU time for each grain and step of more and more grains, in heaps that are as high and as dense."""
+def growth(rounds: int, threads: int) -> None:
+    """Time for each grain and step of more and more grains, in heaps that are as high and as dense."""
     x, edge = heap(10_000)
     runs = {}
     for tiles in (1, 3, 10):
-        one = simulation(mirrored(x, edge, tiles), tiles * edge)
+        one = simulation(mirrored(x, edge, tiles), tiles * edge, threads=threads)
         one.advance_to(WARM)
         runs[tiles] = one
+    clock = time.process_time if threads == 1 else time.perf_counter
     spent: dict[int, list[float]] = {tiles: [] for tiles in runs}
     for _ in range(rounds):
         for tiles, one in runs.items():
-            spent[tiles].append(timed(one, GROWS) / GROWS / len(x) / tiles**2 * 1e9)
+            spent[tiles].append(timed(one, GROWS, clock) / GROWS / len(x) / tiles**2 * 1e9)
     for tiles, one in runs.items():
         number, found = len(x) * tiles**2, len(contacts_in(one.islands[0].interactions[0].lists)[0])
         print(
@@ -268,6 +273,7 @@ def main() -> None:
     parser.add_argument("--newton", help="a Python that has newton; with --settled")
     parser.add_argument("--settled", type=Path)
     parser.add_argument("--growth", action="store_true")
+    parser.add_argument("--threads", type=int, default=1, help="of --growth")
     given = parser.parse_args()
     if given.newton and not given.lammps and not (given.settled and given.settled.is_file()):
         parser.error("--newton goes on from --settled FILE, which --lammps writes if it is not there")
@@ -276,7 +282,7 @@ def main() -> None:
     if given.newton:
         against_newton(given.rounds, given.newton, given.settled)
     if given.growth:
-        growth(given.rounds)
+        growth(given.rounds, given.threads)
 
 
 if __name__ == "__main__":

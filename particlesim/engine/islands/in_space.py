@@ -17,8 +17,9 @@ from particlesim.engine.islands.layout import Interactions, Layout
 from particlesim.engine.state.columns import Columns, changing, mapped
 from particlesim.model.arrays import Ints
 
-WORTH_PARTICLES, WORTH_STEPS = 16_384, 64
-"""Particles that no longer fit into the cache of a core, and steps that make up for what copies take."""
+WORTH_PARTICLES, WORTH_STEPS = 4_096, 64
+"""Particles of which each core of two has some to itself (more do not even fit into its cache), and steps that make up for
+what copies take."""
 NEAR, DISORDERED = 64, 0.1
 """Places apart at which two rows still share what is in the cache, and the part of rows that may be further apart."""
 
