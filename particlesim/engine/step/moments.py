@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from particlesim.colliders.dents import dented
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
@@ -22,6 +24,10 @@ MAX_LEAVES = 40
 """The shortest part of a step, as a power of two, after which it is looked whether a particle has left a surface."""
 MAX_HALVINGS = 80
 """Bound on the search for the time of impact; bisection alone ends after 53."""
+WIDE = 16
+"""The ratio of the ends of a bracket from which on it is halved in its logarithm: hops end soon after their beginning."""
+LAST_PLACES, FARTHER = 2, 4
+"""How far into its bracket that search goes from an end at least, in last places, and how much farther each time."""
 MAX_GUESSES = 24
 """Turns of that search that may guess: where a way ends in a seam, gaps stop falling, and guesses help little."""
 
@@ -30,9 +36,11 @@ MAX_GUESSES = 24
 def time_of_impact(
     method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: Any, memory: Any, calm: Any
 ) -> Any:
-    """The first representable time in (0, h] at which a collider is overlapped, by the Illinois method."""
-    # Regula falsi with the Illinois modification (Dowell, Jarratt, BIT 11, 168 (1971)), kept inside the bracket; every
-    # third turn bisects, and in the end all do, so that the bracket is sure to close.
+    """The first representable time in (0, h] at which a collider is overlapped, by Muller's method."""
+    # The root of the parabola through the ends of a bracket and the end that it had before (Muller, MTAC 10, 208 (1956)),
+    # kept inside the bracket: gaps above a plane under gravity are one. A turn bisects where three have not halved the
+    # bracket, and in the end all do, so that it is sure to close. Roots that come from one side alone would leave it wide:
+    # one at an end goes a few last places into it, and farther each time, as in Brent's method.
     half = type_of(h, 0.5)  # dividing by the integer 2 would turn single precision into double
     early, late = h - h, h
     q, _, on, _ = glide(method, dynamics, forces, contacts, p, late, memory, calm)
@@ -50,28 +58,46 @@ def time_of_impact(
         sooner = now * (seen / depth)
         q, _, on, _ = glide(method, dynamics, forces, contacts, p, sooner, memory, calm)
         return sooner if ahead(contacts, on, q) < 0 else now
+    other, beyond = early, above
     if now < late:
         # Before, as after a rebound, gaps are rounding errors, which may well be an overlap.
         early, above = now, -depth
-    side = 0
+    aside = type_of(h, LAST_PLACES * (2.0**-23 if isinstance(h, np.float32) else 2.0**-52))
+    slow, wide = 0, late - early
     for turn in range(MAX_HALVINGS):
         middle = early + (late - early) * half
         if not (early < middle < late):
             break
-        if turn % 3 != 2 and turn < MAX_GUESSES and above > 0:
-            guess = (late * above - early * below) / (above - below)
+        if late > type_of(h, WIDE) * early > 0:
+            middle = np.sqrt(early) * np.sqrt(late)
+        if late - early < half * wide:
+            slow, wide = 0, late - early
+        slow = (slow + 1) % 4
+        if slow > 0 and turn < MAX_GUESSES and other != early:
+            guess = early + _root(early, above, late, below, other, beyond)
+            least = aside * late
+            aside = aside if early + least < guess < late - least else FARTHER * aside
+            guess = max(min(guess, late - least), early + least)
             middle = guess if early < guess < late else middle
         q, _, on, _ = glide(method, dynamics, forces, contacts, p, middle, memory, calm)
         value = ahead(contacts, on, q)
         if value < 0:
+            other, beyond = late, below
             late, below = middle, value
-            above = above * half if side == -1 else above
-            side = -1
         else:
+            other, beyond = early, above
             early, above = middle, value
-            below = below * half if side == 1 else below
-            side = 1
     return late
+
+
+def _root(early: Any, above: Any, late: Any, below: Any, other: Any, beyond: Any) -> Any:
+    """The time after `early` at which the parabola through three points is 0; it is `above` there and `below` at `late`."""
+    width, two = late - early, type_of(early, 2)
+    slope = (below - above) / width
+    bend = ((beyond - above) / (other - early) - slope) / (other - late)
+    rise = slope - bend * width
+    root = np.sqrt(max(rise * rise - two * two * bend * above, rise - rise))
+    return -(rise + root) / (two * bend) if rise > 0 else two * above / (root - rise)
 
 
 @outlined
