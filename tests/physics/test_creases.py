@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from simulate import EPS, G, points, way
+from simulate import EPS, G, points, simulate, way
 
 import particlesim as ps
 
@@ -456,3 +456,37 @@ def test_a_bead_that_is_pressed_to_a_pillar_slides_around_it_with_its_energy(flo
     energy = (v[:, 0] ** 2).sum(-1) / 2 - x[:, 0] @ g
     assert np.linalg.norm(v[-1]) > 0.9
     np.testing.assert_allclose(energy, energy[0], atol=1e-11)
+
+
+FLOOR = {"type": "box", "center": [0, -1, 0], "size": [6, 1, 6]}
+WALL = {"type": "box", "center": [0, 0, -1], "size": [6, 6, 1]}
+ROOM = {"type": "box", "size": [1, 1, 1]}
+ROOMS: dict[str, dict[str, Any]] = {
+    "container": {**ROOM, "inside": True},
+    "union": {"type": "union", "of": [FLOOR, WALL]},
+    "difference": {"type": "difference", "of": [{**ROOM, "size": [2, 2, 2]}, ROOM]},
+    "formula": {"type": "formula", "distance": "min(y + 0.5, z + 0.5)", "size": [3, 3, 3]},
+    "moving": {**ROOM, "inside": True, "name": "room"},
+}
+"""Rooms with a floor at y = -0.5 m and a wall at z = -0.5 m, each of one shape."""
+
+
+@pytest.mark.parametrize("room", ROOMS)
+@pytest.mark.parametrize(("radius", "touches"), [(0.0, False), (0.1, False), (0.1, True)])
+@pytest.mark.parametrize("e", [0.3, 1.0])
+def test_what_slides_on_one_side_of_a_shape_rebounds_from_another(
+    room: str, radius: float, touches: bool, e: float
+) -> None:
+    # Rest on the floor does not swallow the impact at the wall, as it had: v_z' = -e v_z, and v_x stays.
+    tables: dict[str, Any] = {"colliders": [{**ROOMS[room], "restitution": e}]}
+    if room == "moving":
+        tables["motions"] = [{"collider": "room", "path": ["x + 0.5*t", "y", "z"]}]
+    if touches:
+        tables["interactions"] = [{"type": "contact", "model": "impulse"}]
+    grain = points((0, -0.5 + radius, -0.3), velocity=[(1, 0, -3.5)], radius=radius, mass=1.0)
+    gravity = {"type": "gravity", "acceleration": [0, -G, 0]}
+    final = simulate(0.08, 1e-3, particles=[grain], forces=[gravity], **tables).final
+    hit = (0.2 - radius) / 3.5
+    place = [0.08, -0.5 + radius, -0.5 + radius + 3.5 * e * (0.08 - hit)]
+    assert final.velocity[0] == pytest.approx([1, 0, 3.5 * e], abs=1e-9)
+    assert final.position[0] == pytest.approx(place, abs=1e-9)

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord, alight, ride
+from particlesim.colliders.response import at_rest
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import (
@@ -33,7 +35,7 @@ from particlesim.engine.step.moments import (
 )
 from particlesim.engine.step.particle_step import restart
 from particlesim.engine.step.pits import bottom, may_hold, no_parts, with_part
-from particlesim.laws.registry import PASS, contact, gap, moved_to, with_radius
+from particlesim.laws.registry import PASS, contact, gap, gap_and_normal, moved_to, with_radius
 
 MAX_IMPACTS = 1024
 """Impacts followed within one step; a particle with more is counted, and finishes the step without rebound. A bound on the
@@ -51,6 +53,8 @@ SHORTEST = 2.0**40
 """The shortest part of a step (1 over it) for which a way that bends is followed."""
 STEEP = 2.0**-20
 """The square of the change of a velocity, over its own, above which an impact is no graze."""
+AHEAD = 8
+"""Places on a way, each four times as far as the last, at which the other part of a shape is looked for."""
 MOST_PUSHES = 64
 """Passes over the colliders of a corner that put a particle out of it: each leaves cos² of the angle between two parts."""
 
@@ -127,6 +131,13 @@ def follow(
         late, place = first_met(method, dynamics, forces, contacts, p, q, on, length, memory, calm)
         if not (late < length or ahead(contacts, on, q) < 0):
             p = q
+            if length < left and any(on):
+                p, struck = _arrived(contacts, on, p)
+                if struck:
+                    hit, hits = (
+                        hear(contacts.continuous, with_radius(p, p.r + rounding(contacts, p)), hit),
+                        True,
+                    )
             if length == left:
                 memory, ends = after, LYING if any(on) else FLYING
                 alone = ends == FLYING and impacts == 0 and not put_out
@@ -134,6 +145,7 @@ def follow(
             memory = restart(memory)
             left = left - length
             impacts += 1
+            calm = CALM  # no hops have died out on what it comes to
             continue
         if may_hold(contacts.continuous):
             parts = with_part(parts, contacts.continuous, q)
@@ -310,6 +322,35 @@ def _impact(
             lay = lay and not _beyond(contacts.continuous, p, r, rounding(contacts, p))
             tau, q = (sooner, r) if lay else (tau, q)
     return tau, q, on, dies_out, lay
+
+
+@outlined
+def _arrived(contacts: Any, on: Any, p: Any) -> Any:
+    """A particle that has come along a shape to just before another part of it, with the velocity after the impact there;
+    and whether there was one. Beside what it lies on gaps do not tell the other part: it is looked for on the way."""
+    slack, struck = rounding(contacts, p), False
+    for c, here in zip(contacts.continuous, on, strict=True):
+        if dented(c.shape):
+            rest, r = c, p
+            if isinstance(c.shape, MovingRecord):
+                rest, r = at_rest(c), ride(c.shape, p)
+            square, hits, far = r.vx * r.vx + r.vy * r.vy + r.vz * r.vz, False, type_of(p.x, 4) * slack
+            if here and c.response.outcome == PASS and square > 0:
+                for _ in range(AHEAD):
+                    s = far / np.sqrt(square)
+                    q = moved_to(r, r.x + s * r.vx, r.y + s * r.vy, r.z + s * r.vz, r.vx, r.vy, r.vz, r.t)
+                    g, axes = gap_and_normal(rest, q)
+                    n = tuple(g - g if axis is None else axis for axis in axes)
+                    into = min(n[0] * r.vx + n[1] * r.vy + n[2] * r.vz, g - g)
+                    if not hits and g < 0 and into * into > type_of(p.x, STEEP) * square:
+                        hits = True
+                        after, _ = contact(rest, q)
+                        r = moved_to(r, r.x, r.y, r.z, after.vx, after.vy, after.vz, r.t)
+                    far = type_of(p.x, 4) * far
+            if hits:
+                struck = True
+                p = alight(c.shape, r) if isinstance(c.shape, MovingRecord) else r
+    return p, struck
 
 
 def _struck(contacts: Any, on: Any, q: Any, p: Any) -> Any:
