@@ -49,6 +49,8 @@ CORNERS = 2
 """How often all colliders are looked at that something may have been pushed into."""
 ROUNDING = 1e-12
 """Rate at which what lies on a collider comes closer to it by rounding, as a part of its pace."""
+HALVINGS = 40
+"""Of a way that has led into a collider."""
 TOUCHES, LEAVES, MOST_STRIDES = 1e-9, 0.05, 256
 """Gap to a collider at which a particle hits it, and what it goes without a look where it leaves one, as parts of its
 radius; strides on the way to a collider at most, where it is taken to be then."""
@@ -285,8 +287,10 @@ def may_meet(w: Any, i: Any) -> Any:
 
 @outlined
 def wall_ahead(w: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) -> float:
-    """When a particle comes to a collider: it goes as far as that is away at least, again and again."""
+    """When a particle comes to a collider: it goes as far as that is away at least, again and again. Where it leaves one
+    side it goes a little way at once, and may come into another one, as in a corner; then that is looked for on this way."""
     s, go, r, stride = w.when[BEGUN, i], row(w.go, i), float(c.r[i]), 0
+    left = s
     own = np.sqrt(dot(go, go))
     while (s < w.when[ENDS, i]) & (stride < MOST_STRIDES) & (own > 0):
         g, axes = look_from(w, collider, c, i, s, t, h)
@@ -297,7 +301,13 @@ def wall_ahead(w: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) -> float:
         if isinstance(collider.shape, FLAT):
             return s + max(g, 0.0) / -rate if closes else np.inf
         if (g <= TOUCHES * r) & closes:
-            return s
+            low, high = (left if g < -TOUCHES * r else s), s
+            for _ in range(HALVINGS if low < high else 0):
+                middle = 0.5 * (low + high)
+                gap, _ = look_from(w, collider, c, i, middle, t, h)
+                low, high = (low, middle) if gap < -TOUCHES * r else (middle, high)
+            return low
+        left = s
         s += (g if closes else max(g, LEAVES * r)) / fast
         stride += 1
     return s if (s < w.when[ENDS, i]) & (own > 0) else np.inf

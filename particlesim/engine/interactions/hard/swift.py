@@ -5,8 +5,9 @@ radii in a step may have passed each other then. So all whose way relative to th
 and those whose impacts on rigid bodies are left to this, are followed along their ways (`ways`) from impact to impact
 (`swept`, `blows`), in the order of time, and of rows at one time. After an impact both go on with the velocities that they
 have then, and are followed, whoever they are, also to colliders and to bodies. What colliders have thrown back more than
-once is followed from the beginning (`follow_anew`). What else nobody hits keeps its bits, and where nobody is swift nothing
-is done but to look at that.
+once is followed from the beginning (`follow_anew`). Elastic ones on which forces act are followed at any speed: impacts at
+the end of a step do not know what forces have done until then, and nothing takes away what that gives. What else nobody hits
+keeps its bits, and where nobody is followed nothing is done but to look at that.
 
 Ways are cut into laps, each as long as some spaces between particles, so that a particle is compared with what is near to it
 at about that time. Laps and boxes only say whom to compare: impacts do not depend on them, nor on the order of neighbours.
@@ -21,7 +22,13 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined, shared
-from particlesim.engine.interactions.hard.blows import find_body, find_wall, hit_wall, put_back, strike
+from particlesim.engine.interactions.hard.blows import (
+    find_body,
+    find_wall,
+    hit_wall,
+    put_back,
+    strike,
+)
 from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next
 from particlesim.engine.interactions.hard.thrown import bend_ways, size_of, unexplained
 from particlesim.engine.interactions.hard.ways import (
@@ -66,10 +73,13 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, t: Any, h: A
     w.number[STRUCK] = 0
     if w.obstacles is not None:
         type(w.obstacles).begin(w.obstacles)
-    if some_swift(f, c, before):
+    elastic = False
+    for each in sets:
+        elastic = elastic | (each.law.restitution >= 1)
+    if elastic or some_swift(f, c, before):
         begin_ways(f, sets[0].a, c, before, t, h)
         bend_ways(w, parts, c, before, t, h)
-        laps = choose(f, alone, h)
+        laps = choose(f, alone, h, elastic)
         follow_anew(f, alone, parts, c, t, h)
         for lap in range(laps):
             low, high = float(lap) / laps, float(lap + 1) / laps
@@ -123,7 +133,7 @@ def mean_of(total: Any, number: Any) -> Any:
 
 
 @shared
-def choose(f: Any, alone: bool, h: Any) -> int:
+def choose(f: Any, alone: bool, h: Any, elastic: Any) -> int:
     """Choose those that are followed, and in how many laps: their mean way is at most half a space between particles long in
     each."""
     w, number, least, mean = f.ways, 0, np.inf, (0.0, 0.0, 0.0)
@@ -141,6 +151,9 @@ def choose(f: Any, alone: bool, h: Any) -> int:
         if w.when[ENDS, i] > 0:
             way = longest(w, i, mean, alone, h)
             if way > 0.5 * FAST * (float(f.r[i]) + least):
+                w.what[FOLLOWED, i] = 1
+            pulled = (w.force[0, i] != 0) | (w.force[1, i] != 0) | (w.force[2, i] != 0)
+            if elastic & pulled & (way > 0):
                 w.what[FOLLOWED, i] = 1
             if w.obstacles is not None and w.obstacles.left[i] > 0:
                 w.what[FOLLOWED, i] = 1
