@@ -314,9 +314,9 @@ def test_rest_in_a_crease_takes_a_few_looks(tmp_path: Path, monkeypatch: pytest.
     contacts = careful(continuous=[mesh.record()], reach=1.0, tolerance=16 * EPS)._replace(one_by_one=())
     c = columns([[0.45, -0.45, 0.44]], [[0, 0, 0.1]], radius=0.05, method="velocity_verlet")
     pull = program("velocity_verlet", (Gravity(acceleration=(3, -G, 2)).record(),), contacts)
-    step_range.python(pull, c, 0, 60, 2e-3, 0, 1, BLOCK, np.zeros(1, np.bool_), new_room(c, BLOCK))
+    step_range.python(pull, c, 0, 100, 2e-3, 0, 1, BLOCK, np.zeros(1, np.bool_), new_room(c, BLOCK))
     hopped = int(asked[0])
-    step_range.python(pull, c, 60, 20, 2e-3, 0, 1, BLOCK, np.zeros(1, np.bool_), new_room(c, BLOCK))
+    step_range.python(pull, c, 100, 20, 2e-3, 0, 1, BLOCK, np.zeros(1, np.bool_), new_room(c, BLOCK))
     np.testing.assert_allclose(position(c), [[0.45, -0.45, 0.45]], atol=1e-12)
     np.testing.assert_array_equal(velocity(c), 0)
     assert asked[0] - hopped < 20 * 20

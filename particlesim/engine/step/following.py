@@ -130,9 +130,10 @@ def follow(
             break
         late, place = first_met(method, dynamics, forces, contacts, p, q, on, length, memory, calm)
         if not (late < length or ahead(contacts, on, q) < 0):
-            p = q
+            p, struck = q, False
             if length < left and any(on):
-                p, struck = _arrived(contacts, on, p)
+                pull = (push[0] / h, push[1] / h, push[2] / h)
+                p, struck = _arrived(contacts, on, p, pull, force, left - length)
                 if struck:
                     hit, hits = (
                         hear(contacts.continuous, with_radius(p, p.r + rounding(contacts, p)), hit),
@@ -145,7 +146,7 @@ def follow(
             memory = restart(memory)
             left = left - length
             impacts += 1
-            calm = CALM  # no hops have died out on what it comes to
+            calm = CALM if struck else calm  # no hops have died out on what it has hit
             continue
         if may_hold(contacts.continuous):
             parts = with_part(parts, contacts.continuous, q)
@@ -325,9 +326,10 @@ def _impact(
 
 
 @outlined
-def _arrived(contacts: Any, on: Any, p: Any) -> Any:
+def _arrived(contacts: Any, on: Any, p: Any, pull: Any, force: Any, left: Any) -> Any:
     """A particle that has come along a shape to just before another part of it, with the velocity after the impact there;
-    and whether there was one. Beside what it lies on gaps do not tell the other part: it is looked for on the way."""
+    and whether there was one. Beside what it lies on gaps do not tell the other part: it is looked for on the way. Hops that
+    forces end in the time that is left are none (`pull` over mass; the size of that is `force`)."""
     slack, struck = rounding(contacts, p), False
     for c, here in zip(contacts.continuous, on, strict=True):
         if dented(c.shape):
@@ -342,7 +344,11 @@ def _arrived(contacts: Any, on: Any, p: Any) -> Any:
                     g, axes = gap_and_normal(rest, q)
                     n = tuple(g - g if axis is None else axis for axis in axes)
                     into = min(n[0] * r.vx + n[1] * r.vy + n[2] * r.vz, g - g)
-                    if not hits and g < 0 and into * into > type_of(p.x, STEEP) * square:
+                    press = -(n[0] * pull[0] + n[1] * pull[1] + n[2] * pull[2])
+                    if isinstance(c.shape, MovingRecord):  # its axes are others
+                        press = force
+                    lively = -into > type_of(p.x, 0.5) * press * left
+                    if not hits and g < 0 and lively and into * into > type_of(p.x, STEEP) * square:
                         hits = True
                         after, _ = contact(rest, q)
                         r = moved_to(r, r.x, r.y, r.z, after.vx, after.vy, after.vz, r.t)
