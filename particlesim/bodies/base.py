@@ -74,7 +74,7 @@ class BodyShape(Model):
             if not held:
                 raise UsageError(
                     f"{self.words()}: no number holds its volume or its moments of inertia",
-                    "sizes from 1e-60 m to 1e60 m have them",
+                    "sizes from 1e-60 m to 1e60 m that differ by less than 10⁷ times have them",
                 )
             spread, axes = principal(solid.second)
             self._frame = Frame(solid.volume, solid.center, spread, axes)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from annotated_types import Gt, Lt
-from pydantic import Field, model_validator
+from pydantic import Field, StrictBool, model_validator
 
 from particlesim.bonds.pairs import SINGLE, WORLD, Pairs, check_pairs, joined_groups
 from particlesim.model.base import Model, Name
@@ -36,7 +36,7 @@ class Joint(Model):
     anchor: Vector[Metres] | tuple[Vector[Metres], ...] | None = None
     """Where the bodies are joined at the start: one place for all pairs or one for each. Unless given, halfway between the
     centres of two bodies, and with the world the centre of the body."""
-    touch: bool = False
+    touch: StrictBool = False
     """Whether the two bodies of a pair also touch each other. Unless they do, they may overlap at the joint."""
 
     @model_validator(mode="after")

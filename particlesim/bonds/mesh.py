@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from annotated_types import Ge, Gt
-from pydantic import model_validator
+from pydantic import StrictBool, model_validator
 
 from particlesim.bonds.base import SpringLaw
 from particlesim.model.base import Model
@@ -20,7 +20,7 @@ class MeshSprings(Model):
 
     structural: Stiffness | None = None
     """Stiffness of the springs between neighbours; needed unless they are rigid."""
-    rigid: bool = False
+    rigid: StrictBool = False
     """Instead of structural springs: rods between the neighbours in a rope, a net or hair, whose distances do not change."""
     shear: Stiffness | None = None
     """Stiffness of the springs across diagonals; none unless given."""
@@ -34,7 +34,7 @@ class MeshSprings(Model):
     """Damping c along every spring."""
     damping_ratio: Annotated[Number, Ge(0)] | None = None
     """Instead of the damping: ζ in c = 2 ζ √(k μ), with the reduced mass μ of the two particles."""
-    tension_only: bool = False
+    tension_only: StrictBool = False
     """Springs that pull and never push."""
     break_strain: Annotated[Number, Gt(0)] | None = None
     """Strain beyond which a spring breaks, for good."""

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt
-from pydantic import Field, model_validator
+from pydantic import Field, StrictBool, model_validator
 
 from particlesim.bonds.base import BondSet, SpringLaw
 from particlesim.bonds.near import near_pairs
@@ -61,9 +61,9 @@ class Springs(Model):
     """Instead of the damping: ζ in c = 2 ζ √(k μ); 1 is critical. A pinned end counts as infinitely heavy."""
     rest_length: Annotated[Metres, Ge(0)] | None = None
     """Rest length L₀; the distance at the start unless given."""
-    tension_only: bool = False
+    tension_only: StrictBool = False
     """A string: it pulls when it is longer than its rest length, and does nothing when it is slack."""
-    compression_only: bool = False
+    compression_only: StrictBool = False
     """A strut: it pushes when it is shorter than its rest length, and does nothing otherwise, as balls that touch."""
     break_strain: Annotated[Number, Gt(0)] | None = None
     """Strain (l − L₀)/L₀ beyond which a spring breaks, for good. Looked at after every step."""

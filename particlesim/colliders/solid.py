@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, NamedTuple
 
+from pydantic import StrictBool
+
 from particlesim.colliders.base import Collider
 from particlesim.colliders.triangulation import Triangles
 from particlesim.colliders.way import (
@@ -84,7 +86,7 @@ PARTS = 0.25 / GRAIN
 class SolidCollider(Collider):
     """A solid that particles stay out of, or a container that they stay in."""
 
-    inside: bool = False
+    inside: StrictBool = False
     """Whether particles stay inside, as in a container, instead of outside."""
 
     def shape(self) -> Any:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar
 import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, StrictBool, model_validator
 
 from particlesim.bonds import BondSet, HingeSet, MeshSprings, RodSet
 from particlesim.bonds.hinge import hinge_record
@@ -225,7 +225,7 @@ class Particles(Group):
     angular_velocity: Vector[RadiansPerSecond] | Each[Vector[RadiansPerSecond]] | None = None
     """How fast grains turn at the start, one vector or a list of them, one for each: particles turn that have contacts with
     friction."""
-    pinned: bool | Selection = False
+    pinned: StrictBool | Selection = False
     """Particles that no force moves: true for all; a list of indices in the group or of names of parts of the layout
     ("left", "row 3", "column -1"); or a box, ball or shell: those inside it at the start."""
     springs: MeshSprings | None = None

@@ -97,10 +97,13 @@ class Motion(Model):
                 raise invalid("constants are for a path", at=("constants",))
             return self
         if (self.path is None) == (self.waypoints is None):
+            spins = "" if self.collider is None or self.path is not None else "a spin, "
+            turn = 'spin = { axis = [0, 0, 1], rate = "30 rpm" }, '
             raise invalid(
-                "needs a path or waypoints, one of the two",
+                f"needs {spins}a path or waypoints" + ("" if spins else ", one of the two"),
                 at=None if self.path is None else ("waypoints",),
-                allowed='path = ["x + 0.1*sin(t)", "y", "z"], or waypoints = [{ time = 0, offset = [0, 0, 0] }, ...]',
+                allowed=(turn if spins else "")
+                + 'path = ["x + 0.1*sin(t)", "y", "z"], or waypoints = [{ time = 0, offset = [0, 0, 0] }, ...]',
             )
         if self.waypoints is not None and self.constants:
             raise invalid("constants are for a path", at=("constants",), also=[(("waypoints",), "no path")])

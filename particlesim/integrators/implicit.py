@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Lt
-from pydantic import Field, model_validator
+from pydantic import Field, StrictBool, model_validator
 
 from particlesim.integrators.base import Method, none_if_zero
 from particlesim.integrators.options import Options
@@ -51,7 +51,7 @@ class BackwardEuler(Options):
 
     method: Literal["backward_euler"]
     """Name of the method."""
-    converged: bool = False
+    converged: StrictBool = False
     """Newton iterations until the residual is small (true), or one linear solve per step (false)."""
     tolerance: Tolerance | None = None
     """Size to which the residual is reduced, relative to that of the first guess: of the linear solve (1e-3 unless given; in
@@ -171,7 +171,7 @@ class BackwardEulerMethod(ImplicitMethod):
 
     options: ClassVar[type[Options]] = BackwardEuler
 
-    converged: bool = False
+    converged: StrictBool = False
     tolerance: float | None = None
     max_iterations: int | None = None
 

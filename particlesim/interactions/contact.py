@@ -39,7 +39,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
-from pydantic import model_validator
+from pydantic import StrictBool, model_validator
 
 from particlesim.colliders.friction import FallingRestitution, Friction, Rubbing
 from particlesim.colliders.response import FallingRecord, FrictionRecord
@@ -74,7 +74,7 @@ class Contact(Rubbing, PairInteraction):
     model: Literal["impulse", "linear", "hertz"] = "impulse"
     """`impulse`: hard spheres, whose impacts take no time, and which never pass through each other; `linear`: a spring and a
     damper between those that overlap; `hertz`: the same with the elasticity of spheres."""
-    surfaces: bool | None = None
+    surfaces: StrictBool | None = None
     """Whether cloth, jelly and meshes touch with their triangles, and ropes, nets, hair and bridges with their edges, as
     thick as twice the radius of their particles: with `impulse` they do unless this is false, with the other models
     particles touch as spheres."""

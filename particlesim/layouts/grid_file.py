@@ -34,9 +34,10 @@ def read_grid(path: Path) -> Floats:
 def _array(path: Path) -> Floats:
     try:
         values = np.load(path, allow_pickle=False, mmap_mode="r")
-    except (ValueError, EOFError) as error:
+    except (ValueError, EOFError):  # NumPy's own words speak of pickles, which may run code
         raise UsageError(
-            f"{path} is not a NumPy array: {error}", "numpy.save(name, array) writes one"
+            f"{path} is not an NPY file of numbers",
+            "numpy.save(name, array) writes one; arrays of Python objects are not read",
         ) from None
     if values.dtype.kind not in "fiu" or values.ndim not in (2, 3):
         raise UsageError(

@@ -6,7 +6,7 @@ import math
 from typing import Annotated
 
 from annotated_types import Gt
-from pydantic import model_validator
+from pydantic import StrictBool, model_validator
 
 from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
@@ -22,7 +22,7 @@ class PeriodicBox(Model):
 
     size: Vector[Annotated[Metres, Gt(0)]]
     """Lengths of its sides; of an axis that is not periodic, only pictures show it."""
-    periodic: Vector[bool] = (True, True, True)
+    periodic: Vector[StrictBool] = (True, True, True)
     """Along which axes it repeats; there is no wall along the others."""
     origin: Vector[Metres] = (0.0, 0.0, 0.0)
     """Its lowest corner."""

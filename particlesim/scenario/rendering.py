@@ -9,7 +9,7 @@ from collections.abc import Collection
 from typing import Annotated, Literal, Self
 
 from annotated_types import Ge, Gt, Le
-from pydantic import Field, model_validator
+from pydantic import Field, StrictBool, model_validator
 
 from particlesim.model.base import Model
 from particlesim.model.mistakes import invalid
@@ -114,15 +114,15 @@ class RenderSettings(Model):
         description="Radius of the lines that springs are drawn as [m]: of all, or by the names of groups and "
         "sets of springs. Left out: chosen by the springs' length and the extent of the scene.",
     )
-    trails: bool | Literal["auto"] = Field(
+    trails: StrictBool | Literal["auto"] = Field(
         "auto",
         description="Draw each particle's recent path; 'auto': when there are at most 64 particles and "
         "no springs.",
     )
-    ground: bool = Field(
+    ground: StrictBool = Field(
         True, description="Draw the planes and the colliders that particles meet, and surfaces of fluids."
     )
-    shadows: bool = Field(True, description="Cast shadows and darken corners.")
+    shadows: StrictBool = Field(True, description="Cast shadows and darken corners.")
     light: Vector[Number] | None = Field(
         None, description="Direction towards the light. Left out: above the camera, to its left."
     )
@@ -130,9 +130,9 @@ class RenderSettings(Model):
     background: Literal["dark", "light"] | tuple[Fraction, Fraction, Fraction] = Field(
         "dark", description="A theme, or one colour [r, g, b]."
     )
-    legend: bool = Field(True, description="Show what the colours mean.")
-    time_label: bool = Field(True, description="Show the simulated time.")
-    title: bool = Field(True, description="Show the scenario's title.")
+    legend: StrictBool = Field(True, description="Show what the colours mean.")
+    time_label: StrictBool = Field(True, description="Show the simulated time.")
+    title: StrictBool = Field(True, description="Show the scenario's title.")
     supersampling: Literal[1, 2] = Field(
         1, description="2 draws four samples per pixel: finer edges, a quarter of the speed."
     )

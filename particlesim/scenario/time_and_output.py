@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from annotated_types import Gt
-from pydantic import Field, model_validator
+from pydantic import Field, StrictBool, model_validator
 
 from particlesim.integrators import AnyIntegrator
 from particlesim.model.attributes import ATTRIBUTES
@@ -72,14 +72,14 @@ class Output(Model):
     """Floating-point numbers in the file."""
     compression: Literal["gzip", "none"] = "gzip"
     """Smaller files (gzip), or the fastest writing (none)."""
-    ledger: bool = True
+    ledger: StrictBool = True
     """Energy, momentum and angular momentum at every frame."""
     checkpoint_every: Annotated[Seconds, Gt(0)] | None = None
     """Simulated time between checkpoints, from which psim run --resume continues; it does not matter unless given."""
     checkpoint_wall: Annotated[Seconds, Gt(0)] | None = None
     """Wall-clock time between checkpoints. Left out: 1 s, then twice as long each time, up to 60 s, and longer where they
     would take more than 2 % of the run."""
-    work: bool = False
+    work: StrictBool = False
     """In the ledger also the work of drag, dampers, contact, motions, births and all other causes that add or remove energy,
     and the residual of the balance. The run takes a few times as long."""
 

@@ -298,7 +298,7 @@ def test_what_a_motion_may_lead() -> None:
         ({"on": "a", "collider": "piston", "path": path}, "a group or a collider"),
         ({"on": "a", "spin": {"axis": [0, 1, 0], "rate": 1}, "path": path}, "spin is for colliders"),
         ({"collider": "piston", "particles": [0], "path": path}, "particles is for groups"),
-        ({"collider": "piston"}, "needs a path or waypoints"),
+        ({"collider": "piston"}, "needs a spin, a path or waypoints"),
     ):
         with pytest.raises(ps.ScenarioError, match=why):
             ps.from_table({**table, "motions": [motion]})

@@ -43,6 +43,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "no end": ({"type": "sphere", "radius": float("inf")}, "radius"),
     "grid of no size": ({"type": "distance_grid", "path": "a.npy", "spacing": 0}, "spacing"),
     "no stiffness": ({"type": "plane", "contact": "penalty", "stiffness": 0}, "stiffness"),
+    "a word for true": ({"type": "box", "size": [1, 1, 1], "inside": "yes"}, "true or false"),
     "no time": ({"type": "plane", "detection": "discrete", "recovery": 0}, "recovery"),
 }
 
