@@ -242,3 +242,21 @@ def test_births_at_bodies_that_they_touch_are_refused() -> None:
     touch = {"type": "contact", "on": ["die", "dust"]}
     with pytest.raises(ps.ScenarioError, match="act on each other in every step"):
         ps.from_table(dropped(interactions=[touch]))
+
+
+@pytest.mark.parametrize("room", ["still", "moving"])
+def test_what_slides_into_another_side_of_a_shape_is_heard(room: str) -> None:
+    # The ball slides on the floor of a box, whose hops are nothing, and hits its side at 2 m/s, within a step.
+    box = {"name": "room", "type": "box", "inside": True, "size": [2, 2, 2], "restitution": 0.5}
+    motions = [{"collider": "room", "path": ["x", "y", "z + 0.2*t"]}] if room == "moving" else []
+    ball = points((0.307, -0.9, 0.0), velocity=((2.0, 0.0, 0.0),), **BALL)
+    found = born(
+        scene(
+            emitter(on_impact={"at": ["room"], "count": 1, "above": 1.0}, speed=1.0),
+            particles=[ball],
+            planes=[],
+            colliders=[box],
+            motions=motions,
+        )
+    )
+    assert found.born == 1

@@ -22,7 +22,7 @@ from particlesim.engine.step.contacts import (
 )
 from particlesim.engine.step.crossing import even, through
 from particlesim.engine.step.gliding import CALM, LIVELY, SURE, glide, step_of
-from particlesim.engine.step.hits import hear, silence
+from particlesim.engine.step.hits import hear, louder, silence
 from particlesim.engine.step.moments import (
     AT_ONCE,
     NO_TIME,
@@ -133,11 +133,12 @@ def follow(
             p, struck = q, False
             if length < left and any(on):
                 pull = (push[0] / h, push[1] / h, push[2] / h)
-                p, struck = _arrived(contacts, on, p, pull, force, left - length)
+                p, struck, blow = _arrived(contacts, on, p, pull, force, left - length)
                 if struck:
-                    hit, hits = (
-                        hear(contacts.continuous, with_radius(p, p.r + rounding(contacts, p)), hit),
-                        True,
+                    hits = True
+                    hit = louder(
+                        hit,
+                        hear(contacts.continuous, blow, silence(contacts.continuous + contacts.discrete, p)),
                     )
             if length == left:
                 memory, ends = after, LYING if any(on) else FLYING
@@ -328,9 +329,10 @@ def _impact(
 @outlined
 def _arrived(contacts: Any, on: Any, p: Any, pull: Any, force: Any, left: Any) -> Any:
     """A particle that has come along a shape to just before another part of it, with the velocity after the impact there;
-    and whether there was one. Beside what it lies on gaps do not tell the other part: it is looked for on the way. Hops that
-    forces end in the time that is left are none (`pull` over mass; the size of that is `force`)."""
-    slack, struck = rounding(contacts, p), False
+    whether there was one; and the particle in the other part with the velocity before that. Beside what it lies on gaps do
+    not tell the other part: it is looked for on the way. Hops that forces end in the time that is left are none (`pull` over
+    mass; the size of that is `force`)."""
+    slack, struck, blow = rounding(contacts, p), False, p
     for c, here in zip(contacts.continuous, on, strict=True):
         if dented(c.shape):
             rest, r = c, p
@@ -350,13 +352,14 @@ def _arrived(contacts: Any, on: Any, p: Any, pull: Any, force: Any, left: Any) -
                     lively = -into > type_of(p.x, 0.5) * press * left
                     if not hits and g < 0 and lively and into * into > type_of(p.x, STEEP) * square:
                         hits = True
+                        blow = alight(c.shape, q) if isinstance(c.shape, MovingRecord) else q
                         after, _ = contact(rest, q)
                         r = moved_to(r, r.x, r.y, r.z, after.vx, after.vy, after.vz, r.t)
                     far = type_of(p.x, 4) * far
             if hits:
                 struck = True
                 p = alight(c.shape, r) if isinstance(c.shape, MovingRecord) else r
-    return p, struck
+    return p, struck, blow
 
 
 def _struck(contacts: Any, on: Any, q: Any, p: Any) -> Any:

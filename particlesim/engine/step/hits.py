@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from particlesim.colliders.moving import MovingRecord, ride
 from particlesim.colliders.response import along
+from particlesim.engine.state.columns import type_of
 from particlesim.laws.registry import gap_and_normal, moved_to, normal
 
 
@@ -19,6 +20,10 @@ class Hit(NamedTuple):
     x: Any
     y: Any
     z: Any
+
+
+FAINT = 1e-6
+"""The speed of an impact, as a part of that of another one in the step, below which it is none."""
 
 
 def silence(colliders: Any, p: Any) -> Any:
@@ -60,6 +65,15 @@ def hear(colliders: Any, p: Any, hit: Any) -> Any:
                 n[1] if new else hit.y,
                 n[2] if new else hit.z,
             )
+    return hit
+
+
+def louder(hit: Any, other: Any) -> Any:
+    """The first impact, unless it is nothing beside another one, as hops of what slides are beside its impact on a wall."""
+    if hit is None:
+        return None
+    if hit.speed < type_of(hit.speed, FAINT) * other.speed:
+        hit = other
     return hit
 
 
