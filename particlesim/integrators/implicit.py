@@ -171,7 +171,7 @@ class BackwardEulerMethod(ImplicitMethod):
 
     options: ClassVar[type[Options]] = BackwardEuler
 
-    converged: StrictBool = False
+    converged: bool = False
     tolerance: float | None = None
     max_iterations: int | None = None
 

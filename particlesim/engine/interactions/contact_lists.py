@@ -219,9 +219,8 @@ def _make(lists: Any, draft: Any, near: Any, share: Any) -> None:
             if not fits:
                 draft.count[g] = NO_ROOM
                 draft.slow[g // chunk_groups(groups)] = 1
-        lists.report[WANTED] = max(
-            lists.report[WANTED], end
-        )  # a later, shorter list does not make good for it
+        # a later, shorter list does not make good for it
+        lists.report[WANTED] = max(lists.report[WANTED], end)
     meet(share.gate, share.threads)
     for s in range(share.number, SLICES, share.threads):
         first, last = slice_of(groups, s)
