@@ -8,7 +8,7 @@ yield is no way to do that: where others always have work, it gives away a whole
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,22 @@ else some tenths of a millisecond, more than most serial parts of a step last.""
 
 UNEVEN = False
 """For tests, in a process and a cache of their own: threads leave barriers one after another, as on busy machines."""
+
+
+class Team(NamedTuple):
+    """What of a share depends on no law, for functions that are compiled once for all kernels."""
+
+    first: int
+    last: int
+    chunk: int
+    number: int
+    threads: int
+    gate: Any
+
+
+def team_of(share: Any) -> Team:
+    """A share's particles, and the threads that it meets."""
+    return Team(share.first, share.last, share.chunk, share.number, share.threads, share.gate)
 
 
 def new_gate() -> NDArray[np.int64]:

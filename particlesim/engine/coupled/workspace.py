@@ -135,22 +135,6 @@ class Share(NamedTuple):
     struck: Any = None
 
 
-class Team(NamedTuple):
-    """What of a share depends on no law, for functions that are compiled once for all kernels."""
-
-    first: int
-    last: int
-    chunk: int
-    number: int
-    threads: int
-    gate: Any
-
-
-def team_of(share: Any) -> Team:
-    """A share's particles, and the threads that it meets."""
-    return Team(share.first, share.last, share.chunk, share.number, share.threads, share.gate)
-
-
 def staged(method: Method, *, apart: bool = False) -> tuple[Any, ...]:
     """A method's coefficients for the stage-wise kernel; with `apart`, the leapfrogs of a composition stay apart."""
     if isinstance(method, EmbeddedRungeKutta):

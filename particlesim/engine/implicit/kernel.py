@@ -13,10 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import kernel, outlined, shared
-from particlesim.engine.barrier import meet
+from particlesim.engine.barrier import meet, team_of
 from particlesim.engine.coupled.forces import evaluate, roll, twist
 from particlesim.engine.coupled.kernel import begin_step, end_interval, end_step, inertialess
-from particlesim.engine.coupled.workspace import team_of
 from particlesim.engine.implicit.krylov import (
     INDEFINITE,
     SOLVED,

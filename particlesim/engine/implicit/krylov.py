@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import outlined, shared
-from particlesim.engine.barrier import meet
-from particlesim.engine.coupled.workspace import team_of
+from particlesim.engine.barrier import meet, team_of
 from particlesim.engine.implicit.linear_system import LANES, multiply
 from particlesim.engine.implicit.multilevel import carry
 from particlesim.engine.state.columns import type_of

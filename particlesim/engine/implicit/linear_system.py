@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.compiler import outlined, shared
-from particlesim.engine.barrier import meet
-from particlesim.engine.coupled.workspace import team_of
+from particlesim.engine.barrier import meet, team_of
 from particlesim.engine.implicit.multilevel import Lattices, gather_blocks, inverse_of, new_lattices
 from particlesim.engine.implicit.spring_system import add_springs, times_chunk
 from particlesim.engine.interactions.bond_layout import chunk_size

@@ -85,9 +85,11 @@ class Interaction:
         written what others read, it ends with one, as `add_forces` only reads.
         """
 
-    def hasten(self, sets: Any, alone: bool, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
-        """Look at what has happened within a step that is a good one, before any of the sets that do so concludes it; one
-        thread calls it, once for all of them. `alone`: whether there are no other sets."""
+    def hasten(
+        self, sets: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any
+    ) -> None:
+        """Look at what has happened within a step that is a good one, before any of the sets that do so concludes it; it
+        is called once for all of them, by all threads of an island. `alone`: whether there are no other sets."""
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         """Bring up to date what it remembers, or give impulses, at the end t of a step of length h that is a good one.
@@ -366,8 +368,8 @@ def conclude_elements(sets: Any, parts: Any, c: Any, before: Any, share: Any, t:
     """Let all sets that have something to do at the end of a step do so; all threads of an island come here."""
     swift = that_hasten(sets)
     if len(swift) > 0:
-        if share.number == 0:
-            type(swift[0]).hasten(swift[0], swift, len(swift) == len(sets), parts, c, before, t, h)
+        alone = len(swift) == len(sets)
+        type(swift[0]).hasten(swift[0], swift, alone, parts, c, before, share, t, h)
         meet(share.gate, share.threads)
     for each in sets:
         if type(each).concludes:

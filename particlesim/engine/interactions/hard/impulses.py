@@ -144,8 +144,10 @@ class Impulses(NearLists, ImpulseColumns):
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         pass
 
-    def hasten(self, sets: Any, alone: bool, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
-        hasten(sets, alone, parts, c, before, t, h)
+    def hasten(
+        self, sets: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any
+    ) -> None:
+        hasten(sets, alone, parts, c, before, share, t, h)
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         hold_stuck(self, c, share)

@@ -1,8 +1,8 @@
 """Whom a swift grain meets next on its way: boxes about the ways of members, and a walk through them (`swift`).
 
-Boxes stand about the ways of groups of eight members, which are neighbours in space, and about eight boxes each, as in the
-search for neighbours; a way is tested against them as a segment as thick as its particle. So the cost grows with the number
-of ways that come near, and not with the volume of a box about a long one.
+Boxes stand about the ways of members, about eight of these, which are neighbours in space, and about eight boxes each, as in
+the search for neighbours; a way is tested against eight boxes at once, as a segment as thick as its particle. So the cost
+grows with the number of ways that come near, and not with the volume of a box about a long one.
 
 Two spheres meet when their distance d + g τ is the sum of their radii R: with the point of closest approach q = d + g τ₀,
 τ₀ = −d·g/g², that is τ = τ₀ − √((R² − q²)/g²), in which nothing cancels, however long the way is.
@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.compiler import on_stack, outlined, shared
+from particlesim.compiler import lanes, on_stack, outlined, shared
+from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.hard.ways import (
     BEGUN,
     BEND,
@@ -29,7 +30,6 @@ from particlesim.engine.interactions.hard.ways import (
     leg_of,
     place_at,
 )
-from particlesim.engine.interactions.neighbours.record import GROUP
 
 FAST = 0.5
 """Way of two relative to each other in a step, as a part of the sum of their radii, from which on they are followed: others
@@ -43,6 +43,8 @@ WIDER = 1e-9
 """By how much boxes are wider than ways, as a part of coordinates."""
 DEEPEST, LEVEL_SHIFT = 12, 40
 """Levels of the tree that there is room for; bits of a node in the list of those to look at, below its level."""
+STILL = 1e-290
+"""Way along an axis below which something stands still along it [m]."""
 MOST_IMAGES = 8
 """Images of a periodic box in which a way is looked for, to each side."""
 
@@ -50,17 +52,46 @@ MOST_IMAGES = 8
 # ---- boxes
 
 
-@shared
-def box_ways(f: Any, low: Any, high: Any) -> None:
-    """Boxes about the ways of all groups between two times, and about those of all nodes above."""
+def box_ways(f: Any, team: Any, low: Any, high: Any) -> None:
+    """Boxes about the ways of all members between two times, and about those of all nodes above; all threads come here."""
     w = f.ways
-    sort_ways(f, 0.5 * (low + high))
-    for node in range(w.boxes.shape[1]):
+    if team.number == 0:
+        sort_ways(f, 0.5 * (low + high))
+    meet(team.gate, team.threads)
+    first, last = part_of(team, w.order.size)
+    for place in range(first, last):
+        clear(w.boxes, place)
+        i = w.order[place]
+        if i >= 0 and w.when[ENDS, i] > low:
+            box_way(f, i, low, high, 1)
+    meet(team.gate, team.threads)
+    if team.number == 0:
+        for level in range(1, w.levels.size - 1):
+            for node in range(w.levels[level], w.levels[level + 1]):
+                surround(w.boxes, node, w.levels[level - 1] + 8 * (node - w.levels[level]), w.levels[level])
+    meet(team.gate, team.threads)
+
+
+def part_of(team: Any, size: Any) -> Any:
+    """Which of so many places are those of a thread."""
+    return size * team.number // team.threads, size * (team.number + 1) // team.threads
+
+
+def clear(boxes: Any, node: Any) -> None:
+    """Have a box hold nothing."""
+    for axis in range(3):
+        boxes[axis, node], boxes[3 + axis, node] = np.inf, -np.inf
+
+
+def surround(boxes: Any, node: Any, first: Any, last: Any) -> None:
+    """The box about the eight below it, from one on, unless that is none below `last`."""
+    clear(boxes, node)
+    if first < last:
         for axis in range(3):
-            w.boxes[axis, node], w.boxes[3 + axis, node] = np.inf, -np.inf
-    for place in range(w.order.size):
-        if w.order[place] >= 0 and w.when[ENDS, w.order[place]] > low:
-            box_way(f, w.order[place], low, high)
+            low, high = boxes[axis, node], boxes[3 + axis, node]
+            for k in range(first, first + 8):
+                low, high = min(low, boxes[axis, k]), max(high, boxes[3 + axis, k])
+            boxes[axis, node], boxes[3 + axis, node] = low, high
 
 
 @outlined
@@ -115,8 +146,8 @@ def seen_at(f: Any, i: Any, s: Any) -> Any:
 
 
 @shared
-def box_way(f: Any, i: Any, low: Any, high: Any) -> None:
-    """Widen the boxes that a particle is in so that they hold its way between two times."""
+def box_way(f: Any, i: Any, low: Any, high: Any, levels: Any) -> None:
+    """Widen the boxes that a particle is in, in so many levels, so that they hold its way between two times."""
     w = f.ways
     legs = 2 if w.when[BEND, i] < high else 1
     for leg in range(legs):
@@ -131,13 +162,13 @@ def box_way(f: Any, i: Any, low: Any, high: Any) -> None:
                 one = x[axis] + (begin - begun) * go[axis] + wrap
                 other = x[axis] + (end - begun) * go[axis] + wrap
                 more = float(f.r[i]) + WIDER * (abs(one) + abs(other))
-                widen(w, axis, w.place[i] // GROUP, min(one, other) - more, max(one, other) + more)
+                widen(w, axis, w.place[i], min(one, other) - more, max(one, other) + more, levels)
 
 
-def widen(w: Any, axis: Any, group: Any, low: Any, high: Any) -> None:
-    """Widen the box of a group, and those above it, along an axis."""
-    node, level, wider = group, 0, True
-    while wider & (level < w.levels.size - 1):
+def widen(w: Any, axis: Any, place: Any, low: Any, high: Any, levels: Any) -> None:
+    """Widen the box of a member, and those above it in so many levels, along an axis."""
+    node, level, wider = place, 0, True
+    while wider & (level < levels):
         k = w.levels[level] + node
         wider = (low < w.boxes[axis, k]) | (high > w.boxes[3 + axis, k])
         w.boxes[axis, k], w.boxes[3 + axis, k] = min(low, w.boxes[axis, k]), max(high, w.boxes[3 + axis, k])
@@ -188,7 +219,8 @@ def meet_between(w: Any, i: Any, j: Any, image: Any, low: Any, high: Any, reach:
 def find_next(f: Any, i: Any, now: Any, high: Any) -> None:
     """Find the first impact of particle i between two times."""
     w = f.ways
-    w.when[DUE, i] = np.inf
+    if w.when[DUE, i] < np.inf:  # another thread may look at a neighbour: what stays is not written
+        w.when[DUE, i] = np.inf
     low, end = max(now, w.when[BEGUN, i]), min(high, w.when[ENDS, i])
     if w.when[BEND, i] < end:
         if low < w.when[BEND, i]:
@@ -246,52 +278,50 @@ def images_along(w: Any, axis: Any, period: Any, one: Any, other: Any, r: Any) -
 def walk(f: Any, i: Any, x: Any, go: Any, shift: Any, low: Any, high: Any) -> None:
     """Look at all members whose boxes a way comes near to, displaced by a shift, and keep the first that it meets."""
     w, levels = f.ways, f.ways.levels
-    waiting = on_stack(1, 8 * DEEPEST, np.int64)[0]
+    waiting, near = on_stack(1, 8 * DEEPEST, np.int64)[0], on_stack(1, 8, np.float64)[0]
     x, r = (x[0] + shift[0], x[1] + shift[1], x[2] + shift[2]), float(f.r[i])
+    pace = tuple(1.0 / by if abs(by) > STILL else 1.0 / STILL for by in go)
     waiting[0], top = (levels.size - 1) << LEVEL_SHIFT, 1
     while top > 0:
         top -= 1
         level, child = (waiting[top] >> LEVEL_SHIFT) - 1, 8 * (waiting[top] & (1 << LEVEL_SHIFT) - 1)
+        pass_through(w.boxes, levels[level] + child, x, pace, r, min(high, w.when[DUE, i]) - low, near)
         for k in range(8):
-            node = levels[level] + child + k
-            if comes_near(w.boxes, node, x, go, r, min(high, w.when[DUE, i]) - low):
+            if near[k] > 0:
                 if level > 0:
                     waiting[top] = level << LEVEL_SHIFT | child + k
                     top += 1
                 else:
-                    look_at_group(f, i, child + k, shift, low, high)
+                    look_at(f, i, w.order[child + k], shift, low, high)
 
 
-def comes_near(boxes: Any, node: Any, x: Any, go: Any, r: Any, lasts: Any) -> Any:
-    """Whether a way that lasts so long, as thick as a radius, passes through a box."""
-    enters, leaves = 0.0, (lasts if boxes[0, node] <= boxes[3, node] else -1.0)
-    for axis in range(3):
-        low, high = boxes[axis, node] - r - x[axis], boxes[3 + axis, node] + r - x[axis]
-        if go[axis] == 0:
-            leaves = leaves if (low <= 0) & (high >= 0) else -1.0
-        else:
-            one, other = low / go[axis], high / go[axis]
+def pass_through(boxes: Any, first: Any, x: Any, pace: Any, r: Any, lasts: Any, near: Any) -> None:
+    """Whether a way that lasts so long, as thick as a radius, passes through each of eight boxes: 1 or 0 into `near`.
+    `pace`: one over its components, or something large for what stands still along an axis."""
+    low = tuple(boxes[axis, first : first + 8] for axis in range(3))
+    high = tuple(boxes[axis, first : first + 8] for axis in range(3, 6))
+    for k in lanes(8):
+        enters, leaves = 0.0, lasts
+        for axis in range(3):
+            one = (low[axis][k] - r - x[axis]) * pace[axis]
+            other = (high[axis][k] + r - x[axis]) * pace[axis]
             enters, leaves = max(enters, min(one, other)), min(leaves, max(one, other))
-    return enters <= leaves * (1 + WIDER)
+        # boxes of nothing, from infinity to -infinity, hold all else
+        near[k] = 1.0 if (enters <= leaves * (1 + WIDER)) & (low[0][k] <= high[0][k]) else 0.0
 
 
-def look_at_group(f: Any, i: Any, group: Any, shift: Any, low: Any, high: Any) -> None:
-    """Keep the first of a group that a particle meets; of those that it meets at once the one with the smallest row."""
-    w = f.ways
-    for place in range(GROUP * group, GROUP * group + GROUP):
-        j = w.order[place]
-        law = -1
-        if j >= 0:
-            law = law_of(f, i, j)
-        if law >= 0:
-            image = image_of(f, i, j, shift)
-            s = meets_at(f, i, j, image, low, high)
-            sooner = s < w.when[DUE, i]
-            if sooner | ((s == w.when[DUE, i]) & (s < np.inf) & (j < w.what[PARTNER, i])):
-                w.when[DUE, i], w.what[PARTNER, i], w.what[SEEN, i] = s, j, w.what[TURNED, j]
-                w.what[LAW, i] = law
-                for axis in range(3):
-                    w.image[axis, i] = image[axis]
+def look_at(f: Any, i: Any, j: Any, shift: Any, low: Any, high: Any) -> None:
+    """Keep member j if particle i meets it first; of those that it meets at once the one with the smallest row."""
+    w, law = f.ways, law_of(f, i, j)
+    if law >= 0:
+        image = image_of(f, i, j, shift)
+        s = meets_at(f, i, j, image, low, high)
+        sooner = s < w.when[DUE, i]
+        if sooner | ((s == w.when[DUE, i]) & (s < np.inf) & (j < w.what[PARTNER, i])):
+            w.when[DUE, i], w.what[PARTNER, i], w.what[SEEN, i] = s, j, w.what[TURNED, j]
+            w.what[LAW, i] = law
+            for axis in range(3):
+                w.image[axis, i] = image[axis]
 
 
 def law_of(f: Any, i: Any, j: Any) -> Any:

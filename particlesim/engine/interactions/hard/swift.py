@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined, shared
+from particlesim.engine.barrier import meet, team_of
 from particlesim.engine.interactions.hard.blows import (
     find_body,
     find_wall,
@@ -29,7 +30,7 @@ from particlesim.engine.interactions.hard.blows import (
     put_back,
     strike,
 )
-from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next
+from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next, part_of
 from particlesim.engine.interactions.hard.thrown import bend_ways, size_of, unexplained
 from particlesim.engine.interactions.hard.ways import (
     BEGUN,
@@ -40,6 +41,7 @@ from particlesim.engine.interactions.hard.ways import (
     FOLLOWED,
     HIT,
     IMPACTS,
+    LAPS,
     LAW,
     LIES,
     PARTNER,
@@ -65,45 +67,64 @@ MOST_LAPS = 1000
 """Laps into which a step is cut at most."""
 
 
-def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
     """Have swift particles meet what is on their way in a step of h that ends at time t, by all hard contacts of an island;
-    `alone`: nothing else acts between its particles."""
-    w, fed = sets[0].ways, sets[0].fed
+    `alone`: nothing else acts between its particles. All threads come here, and impacts follow each other on one of them."""
+    w = sets[0].ways
     f = Field(w, c.r, tuple(each.side for each in sets), sets[0].near.box)
-    w.number[STRUCK] = 0
-    if w.obstacles is not None:
-        type(w.obstacles).begin(w.obstacles)
     elastic = False
     for each in sets:
         elastic = elastic | (each.law.restitution >= 1)
-    if elastic or some_swift(f, c, before):
-        begin_ways(f, sets[0].a, c, before, t, h)
-        bend_ways(w, parts, c, before, t, h)
-        laps = choose(f, alone, h, elastic)
-        follow_anew(f, alone, parts, c, t, h)
+    if share.number == 0:
+        w.number[STRUCK] = 0
+        if w.obstacles is not None:
+            type(w.obstacles).begin(w.obstacles)
+        w.number[LAPS] = 0
+        if elastic or some_swift(f, c, before):
+            w.number[LAPS] = 1
+    meet(share.gate, share.threads)
+    if w.number[LAPS] > 0:
+        begin_ways(f, sets[0].a, c, before, share, t, h)
+        bend_ways(w, parts, c, before, share, t, h)
+        meet(share.gate, share.threads)
+        if share.number == 0:
+            w.number[LAPS] = choose(f, alone, h, elastic)
+            follow_anew(f, alone, parts, c, t, h)
+        meet(share.gate, share.threads)
+        laps = w.number[LAPS]
         for lap in range(laps):
             low, high = float(lap) / laps, float(lap + 1) / laps
-            box_ways(f, low, high)
-            begin_lap(f, low, high)
-            while w.queue.size[0] > 0 and w.queue.due[w.queue.order[0]] <= high:
-                i = w.queue.order[0]
-                s, j = w.queue.due[i], w.what[PARTNER, i]
-                if w.when[WALL, i] <= w.when[DUE, i]:
-                    if hit_wall(w, fed, parts, c, i, t, h):
-                        go_on(f, parts, c, i, s, high, t, h)
-                    else:
-                        enqueue(w, i)
-                elif w.what[SEEN, i] != w.what[TURNED, j]:  # the other has taken another way since
-                    find_next(f, i, s, high)
-                    enqueue(w, i)
-                else:
-                    for law, each in enumerate(sets):
-                        if w.what[LAW, i] == law:
-                            strike(each, c, i, j, s, t, h)
-                    go_on(f, parts, c, i, s, high, t, h)
-                    go_on(f, parts, c, j, s, high, t, h)
-        put_back(w, fed, parts, c, t, h)
-        conclude_ways(w, c, before)
+            begin_lap(f, team_of(share), low, high)
+            if share.number == 0:
+                queue_followed(w)
+                take_lap(f, sets, parts, c, t, h, high)
+        if share.number == 0:
+            put_back(w, sets[0].fed, parts, c, t, h)
+        meet(share.gate, share.threads)
+        conclude_ways(w, c, before, share)
+
+
+@outlined
+def take_lap(f: Any, sets: Any, parts: Any, c: Any, t: Any, h: Any, high: Any) -> None:
+    """All impacts until a time, one after the other."""
+    w = f.ways
+    while w.queue.size[0] > 0 and w.queue.due[w.queue.order[0]] <= high:
+        i = w.queue.order[0]
+        s, j = w.queue.due[i], w.what[PARTNER, i]
+        if w.when[WALL, i] <= w.when[DUE, i]:
+            if hit_wall(w, sets[0].fed, parts, c, i, t, h):
+                go_on(f, parts, c, i, s, high, t, h)
+            else:
+                enqueue(w, i)
+        elif w.what[SEEN, i] != w.what[TURNED, j]:  # the other has taken another way since
+            find_next(f, i, s, high)
+            enqueue(w, i)
+        else:
+            for law, each in enumerate(sets):
+                if w.what[LAW, i] == law:
+                    strike(each, c, i, j, s, t, h)
+            go_on(f, parts, c, i, s, high, t, h)
+            go_on(f, parts, c, j, s, high, t, h)
 
 
 @outlined
@@ -218,13 +239,24 @@ def is_unknown(w: Any, i: Any, alone: bool) -> Any:
 
 
 @shared
-def begin_lap(f: Any, low: Any, high: Any) -> None:
-    """Queue all that are followed with their first impacts between two times."""
+def begin_lap(f: Any, team: Any, low: Any, high: Any) -> None:
+    """Find the first impacts between two times of all that are followed."""
     w = f.ways
+    box_ways(f, team, low, high)
+    first, last = part_of(team, w.order.size)
+    for place in range(first, last):
+        i = w.order[place]
+        if i >= 0 and w.what[FOLLOWED, i] > 0:
+            find_next(f, i, low, high)
+    meet(team.gate, team.threads)
+
+
+@shared
+def queue_followed(w: Any) -> None:
+    """Queue all that are followed, and have an impact before them."""
     empty(w.queue)
     for i in range(w.light.size):
         if w.what[FOLLOWED, i] > 0:
-            find_next(f, i, low, high)
             enqueue(w, i)
 
 
@@ -233,7 +265,7 @@ def go_on(f: Any, parts: Any, c: Any, i: Any, s: Any, high: Any, t: Any, h: Any)
     """Follow a particle from an impact at time s on."""
     w = f.ways
     w.what[FOLLOWED, i] = 1
-    box_way(f, i, s, high)
+    box_way(f, i, s, high, w.levels.size - 1)
     find_wall(w, parts, c, i, t, h)
     find_next(f, i, s, high)
     enqueue(w, i)
@@ -251,10 +283,10 @@ def enqueue(w: Any, i: Any) -> None:
 
 
 @outlined
-def conclude_ways(w: Any, c: Any, before: Any) -> None:
+def conclude_ways(w: Any, c: Any, before: Any, share: Any) -> None:
     """Give all that have been hit their places and velocities. In `before` they get the velocities with which they would
     have come to these without impacts, so that what comes after does not take impacts for forces."""
-    for i in range(w.light.size):
+    for i in range(share.first, share.last):
         if (w.what[HIT, i] == ANEW) & (w.light[i] > 0):
             # one rebound is its method's own, which knows how forces bend the way
             w.what[HIT, i] = 1 if w.what[IMPACTS, i] > 1 else 0

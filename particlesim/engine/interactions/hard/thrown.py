@@ -34,15 +34,16 @@ LEFT = 1e-9
 """Speed that is left after an impact without rebound by rounding, as a part of that before it."""
 
 
-def bend_ways(w: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
-    """Bend the ways of all members that have been thrown back in a step of h that ends at time t."""
+def bend_ways(w: Any, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+    """Bend the ways of the members of a share that have been thrown back in a step of h that ends at time t."""
     for part in parts:
-        note_kicks(w, part.forces, c, t, h, part.first, part.last)
-    find_strange(w, c, before, h)
+        note_kicks(w, part.forces, c, t, h, max(part.first, share.first), min(part.last, share.last))
+    find_strange(w, c, before, h, share.first, share.last)
     for part in parts:
+        first, last = max(part.first, share.first), min(part.last, share.last)
         for collider in colliders_of(part):
-            find_thrown(w, collider, c, before, t, h, part.first, part.last)
-    bend_thrown(w, c, h)
+            find_thrown(w, collider, c, before, t, h, first, last)
+    bend_thrown(w, c, h, share.first, share.last)
 
 
 @outlined
@@ -55,9 +56,9 @@ def note_kicks(w: Any, forces: Any, c: Any, t: Any, h: Any, first: Any, last: An
 
 
 @outlined
-def find_strange(w: Any, c: Any, before: Any, h: Any) -> None:
-    """Find those that move as no method does."""
-    for i in range(w.light.size):
+def find_strange(w: Any, c: Any, before: Any, h: Any, first: Any, last: Any) -> None:
+    """Find those of particles [first, last) that move as no method does."""
+    for i in range(first, last):
         lasts = w.when[ENDS, i] - w.when[BEGUN, i]
         if (lasts > 0) & (w.light[i] > 0):
             w.what[THROWN, i] = SOMETHING if way_of(c, before, i, lasts * float(h)) < 0 else 0
@@ -107,8 +108,8 @@ def unexplained(w: Any, i: Any) -> Any:
 
 
 @shared
-def bend_thrown(w: Any, c: Any, h: Any) -> None:
-    """Bend the ways of all that have been thrown back."""
-    for i in range(w.light.size):
+def bend_thrown(w: Any, c: Any, h: Any, first: Any, last: Any) -> None:
+    """Bend the ways of those of particles [first, last) that have been thrown back."""
+    for i in range(first, last):
         if w.what[THROWN, i] > 0:
             bend_way(w, i, float(c.r[i]), h)

@@ -18,7 +18,7 @@ import numpy as np
 
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.bench import REST
-from particlesim.engine.interactions.neighbours.record import GROUP, level_starts
+from particlesim.engine.interactions.neighbours.record import level_starts
 from particlesim.engine.queue import new_queue
 from particlesim.engine.state.columns import held, span
 
@@ -35,8 +35,8 @@ SOMETHING, COLLIDER, LIES = 1, 2, 3
 higher than what lies."""
 MOST_IMPACTS = 64
 """Impacts of a particle in a step, after which it stays where it is until the end of the step."""
-STRUCK = 0
-"""In `number`: whether an impact has taken place in the step."""
+STRUCK, LAPS = 0, 1
+"""In `number`: whether an impact has taken place in the step; in how many laps somebody is followed, 0 for nobody."""
 STRAIGHT = 2.0
 """The BEND of a way of one leg."""
 SPINS = 9
@@ -59,11 +59,11 @@ class Ways(NamedTuple):
     to goes in the step [m], with the normal there, and how often that body's way had
     changed then (`met` [7, n]).
 
-    The queue of impacts, and whether there has been one [1]; by which part of a step velocities are late [1]. Of one
+    The queue of impacts, numbers of the step [2]; by which part of a step velocities are late [1]. Of one
     impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in
     space are neighbours [room], −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and
-    the cell of each [n]. Boxes about the ways of groups in that order and of nodes above them [6, nodes], and where their
-    levels begin.
+    the cell of each [n]. Boxes about the ways in that order and about eight of these each, and so on [6, nodes], and
+    where their levels begin.
     """
 
     at: Any
@@ -109,8 +109,7 @@ def new_ways(particles: int, lag: float, obstacles: Any) -> Ways:
     """Room for the ways of the particles of an island, by whose method velocities are late by a part `lag` of a step, with
     bodies in their way, None if there are none."""
     at, go, bend, on, speed, first, force, carried, spin, spun = (np.zeros((3, particles)) for _ in range(10))
-    groups = max(-(-particles // GROUP), 1)
-    levels, bits = level_starts(groups), max(particles.bit_length() // 3, 1)
+    levels, bits = level_starts(particles), max(particles.bit_length() // 3, 1)
     return Ways(
         *(at, go, bend, on, speed, first, force, carried, spin, spun),
         np.zeros((5, particles)),
@@ -121,10 +120,10 @@ def new_ways(particles: int, lag: float, obstacles: Any) -> Ways:
         obstacles,
         np.zeros((7, 0 if obstacles is None else particles)),
         new_queue(particles),
-        np.zeros(1, np.int64),
+        np.zeros(2, np.int64),
         np.array([lag]),
         np.zeros((4, 2)),
-        np.zeros(GROUP * groups, np.int64),
+        np.zeros(levels[1], np.int64),
         np.zeros(particles, np.int64),
         np.zeros(8**bits + 1, np.int64),
         np.zeros(particles, np.int64),
@@ -142,10 +141,10 @@ def is_member(sides: Any, i: Any) -> Any:
 
 
 @outlined
-def begin_ways(f: Any, a: Any, c: Any, before: Any, t: Any, h: Any) -> None:
-    """The ways of all members in a step of h that ends at time t; `a`: their inverse masses."""
+def begin_ways(f: Any, a: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+    """The ways of the members of a share in a step of h that ends at time t; `a`: their inverse masses."""
     w = f.ways
-    for i in range(w.light.size):
+    for i in range(share.first, share.last):
         for row in range(w.what.shape[0]):
             w.what[row, i] = 0
         w.when[DUE, i], w.when[WALL, i], w.when[ENDS, i] = np.inf, np.inf, -1.0
