@@ -12,7 +12,7 @@ from particlesim.colliders.solid import GRAIN, Solid
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
-from particlesim.model.vectors import Vector3, norm
+from particlesim.model.vectors import Vector3, norm, parallel
 
 
 class AxialSolid(Solid):
@@ -48,6 +48,9 @@ class AxialSolid(Solid):
     def rotation(self) -> Rows:
         """Turns the y axis into its own."""
         return along(self._axis())
+
+    def round_about(self, axis: Vector3) -> bool:
+        return parallel(axis, self._axis())
 
     def _axis(self) -> Vector3:
         a, b = self.start, self.end

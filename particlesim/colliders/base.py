@@ -33,6 +33,7 @@ from particlesim.model.units import (
     Seconds,
     Vector,
 )
+from particlesim.model.vectors import Vector3
 
 RESOLVES = 20
 """Steps that a touch should take: the kicks of a penalty are of first order in the step."""
@@ -171,6 +172,18 @@ class Collider(Rubbing, Model):
     def motion(self) -> tuple[Any, SpinRecord | None] | None:
         """The path and the turn that lead it, None where it is at rest."""
         return self._motion
+
+    def round_about(self, axis: Vector3) -> bool:
+        """Whether the shape is the same at any angle about an axis through its pivot."""
+        return False
+
+    def turns_in_place(self) -> bool:
+        """Whether it moves by a turn about its own axis alone, which what slides along it without friction cannot tell from
+        rest."""
+        if self._motion is None:
+            return False
+        path, spin = self._motion
+        return path is None and spin is not None and self.round_about(spin[:3])
 
     def body(self) -> Any:
         """The shape as kernels take it, with what leads it."""

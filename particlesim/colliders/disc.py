@@ -15,7 +15,7 @@ from particlesim.colliders.triangulation import Triangles, arc, revolved
 from particlesim.laws.registry import Particle, Vector, gap, law, normal
 from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
-from particlesim.model.vectors import Vector3, unit
+from particlesim.model.vectors import Vector3, parallel, unit
 
 
 class Disc(Sheet):
@@ -42,6 +42,9 @@ class Disc(Sheet):
 
     def geometry(self) -> Any:
         return placed(DiscRecord(self.radius, self.half()), self.center, along(self.normal))
+
+    def round_about(self, axis: Vector3) -> bool:
+        return parallel(axis, self.normal)
 
     def farthest(self) -> float:
         return max(map(abs, self.center)) + self.radius + self.half()

@@ -16,7 +16,7 @@ from particlesim.colliders.solid import is_concave, is_convex
 from particlesim.laws.registry import KILL, Particle, Vector, gap, law, normal, surface
 from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
-from particlesim.model.vectors import dot, unit
+from particlesim.model.vectors import Vector3, dot, parallel, unit
 
 
 class Plane(Collider):
@@ -52,6 +52,9 @@ class Plane(Collider):
 
     def pivot(self) -> tuple[float, float, float]:
         return self.point
+
+    def round_about(self, axis: Vector3) -> bool:
+        return parallel(axis, self.normal)
 
     def reach(self) -> float:
         """Nothing: a plane is as far from the origin as the particles on it."""

@@ -16,6 +16,7 @@ from particlesim.colliders.triangulation import Triangles, arc, revolved
 from particlesim.laws.registry import Particle, Vector, gap, law, normal, surface
 from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
+from particlesim.model.vectors import Vector3
 
 
 class Sphere(Solid):
@@ -32,6 +33,9 @@ class Sphere(Solid):
 
     def geometry(self) -> Any:
         return BallRecord(*self.center, self.radius)
+
+    def round_about(self, axis: Vector3) -> bool:
+        return True
 
     def grain(self) -> float:
         return GRAIN * self.radius

@@ -19,7 +19,7 @@ from particlesim.laws.registry import Particle, Vector, apart, first_contact, ga
 from particlesim.model.mistakes import invalid
 from particlesim.model.units import Metres
 from particlesim.model.units import Vector as VectorOf
-from particlesim.model.vectors import Vector3, unit
+from particlesim.model.vectors import Vector3, parallel, unit
 
 
 class Torus(Solid):
@@ -58,6 +58,9 @@ class Torus(Solid):
 
     def geometry(self) -> Any:
         return placed(TorusRecord(self.radius, self.tube, self.grain()), self.center, along(self.axis))
+
+    def round_about(self, axis: Vector3) -> bool:
+        return parallel(axis, self.axis)
 
     def grain(self) -> float:
         return GRAIN * min(self.tube, self.radius - self.tube)

@@ -36,6 +36,11 @@ def unit(a: Vector3) -> Vector3:
     return a[0] / length, a[1] / length, a[2] / length
 
 
+def parallel(a: Vector3, b: Vector3) -> bool:
+    """Whether two vectors point along one line, but for rounding."""
+    return norm(cross(a, b)) <= 1e-14 * norm(a) * norm(b)
+
+
 def perpendicular(a: Vector3) -> tuple[Vector3, Vector3]:
     """Two unit vectors that make a right-handed frame (u, v, a) with the unit vector a."""
     axis: Vector3 = (1.0, 0.0, 0.0) if abs(a[0]) < 0.9 else (0.0, 1.0, 0.0)

@@ -221,7 +221,14 @@ def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...
         rubbing = tuple(each.record() for each in colliders) if turns else ()
         numbers = [heard.get(id(each)) for each in colliders]
         contacts = contacts_record(
-            colliders, group, dtype, numbers, smooth=turns, turning=pulled, until=island.duration
+            colliders,
+            group,
+            dtype,
+            numbers,
+            smooth=turns,
+            turning=pulled,
+            even=not pulled,
+            until=island.duration,
         )
         rolling = island.rolling_friction(group.name) if turns else None
         part = Part(

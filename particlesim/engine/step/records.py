@@ -20,6 +20,7 @@ from particlesim.engine.step.resting import round_inside
 from particlesim.forces import Force
 from particlesim.graph.graph import Island
 from particlesim.groups.group import FirstOrder, Group, Particles, TracerMotion
+from particlesim.laws.registry import STICK
 from particlesim.model.vectors import dot, unit
 
 CONTACT_TOLERANCE = 16
@@ -75,13 +76,16 @@ def contacts_record(
     numbers = heard or [None] * len(colliders)
     records = {id(c): _numbered(c.record(), k) for c, k in zip(colliders, numbers, strict=True)}
     hard = [each for each in colliders if inert or not each.soft]
+    if inert or smooth:
+        records = {key: without_friction(each) for key, each in records.items()}
+    for each in hard:
+        if each.turns_in_place() and is_smooth(records[id(each)]):
+            records[id(each)] = records[id(each)]._replace(shape=each.shape())
     reach = max((each.reach() for each in hard), default=0.0)
     firm = [id(each) for each in hard if each.detection == "continuous" and not inert]
     shapes = closed([records[key].shape for key in firm], reach, dtype, until)
     for key, shape in zip(firm, shapes, strict=True):
         records[key] = records[key]._replace(shape=shape)
-    if inert or smooth:
-        records = {key: without_friction(each) for key, each in records.items()}
     if turning:
         records = {key: under_turning(each) for key, each in records.items()}
     if even:
@@ -129,6 +133,12 @@ def without_rebound(c: ColliderRecord) -> ColliderRecord:
 def without_friction(c: ColliderRecord) -> ColliderRecord:
     """The same collider without friction, for particles without inertia, and for those that rotate (`rubbing`)."""
     return c._replace(response=c.response._replace(friction=None, belt=None))
+
+
+def is_smooth(c: ColliderRecord) -> bool:
+    """Whether contact changes a velocity along the normal alone."""
+    r = c.response
+    return r.friction is None and r.belt is None and r.loss == 0 and r.outcome != STICK
 
 
 def without_yielding(c: ColliderRecord) -> ColliderRecord:
