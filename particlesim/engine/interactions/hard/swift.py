@@ -30,6 +30,7 @@ from particlesim.engine.interactions.hard.blows import (
     put_back,
     strike,
 )
+from particlesim.engine.interactions.hard.foreseen import follow_meeting, is_plain
 from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next, part_of
 from particlesim.engine.interactions.hard.thrown import bend_ways, size_of, unexplained
 from particlesim.engine.interactions.hard.ways import (
@@ -39,11 +40,13 @@ from particlesim.engine.interactions.hard.ways import (
     DUE,
     ENDS,
     FOLLOWED,
+    FORESEEN,
     HIT,
     IMPACTS,
     LAPS,
     LAW,
     LIES,
+    MEETING,
     PARTNER,
     SEEN,
     STRAIGHT,
@@ -91,6 +94,9 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, 
             w.number[LAPS] = choose(f, alone, h, elastic)
             follow_anew(f, alone, parts, c, t, h)
         meet(share.gate, share.threads)
+        if w.number[FORESEEN] > 0:
+            follow_meeting(sets, w, c, share, t)
+            meet(share.gate, share.threads)
         laps = w.number[LAPS]
         for lap in range(laps):
             low, high = float(lap) / laps, float(lap + 1) / laps
@@ -157,7 +163,7 @@ def mean_of(total: Any, number: Any) -> Any:
 def choose(f: Any, alone: bool, h: Any, elastic: Any) -> int:
     """Choose those that are followed, and in how many laps: their mean way is at most half a space between particles long in
     each."""
-    w, number, least, mean = f.ways, 0, np.inf, (0.0, 0.0, 0.0)
+    w, number, least, mean, widest, die = f.ways, 0, np.inf, (0.0, 0.0, 0.0), 0.0, False
     low, high, total = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf), 0.0
     for i in range(w.light.size):
         if w.when[ENDS, i] > 0:
@@ -174,16 +180,25 @@ def choose(f: Any, alone: bool, h: Any, elastic: Any) -> int:
             if way > 0.5 * FAST * (float(f.r[i]) + least):
                 w.what[FOLLOWED, i] = 1
             pulled = (w.force[0, i] != 0) | (w.force[1, i] != 0) | (w.force[2, i] != 0)
-            if elastic & pulled & (way > 0):
-                w.what[FOLLOWED, i] = 1
+            if elastic & pulled & (way > 0) & (w.what[FOLLOWED, i] == 0):
+                w.what[FOLLOWED, i] = MEETING if is_plain(w, i) and not is_unknown(w, i, alone) else 1
             if w.obstacles is not None and w.obstacles.left[i] > 0:
                 w.what[FOLLOWED, i] = 1
             total += min(way, 1e300)
+            widest, die = max(widest, way), die | (w.when[ENDS, i] < 1)
+    w.number[FORESEEN] = 0
     if number == 0:
         return 1
     space = max(high[0] - low[0], 0.0) * max(high[1] - low[1], 0.0) * max(high[2] - low[2], 0.0) / number
     laps = 2.0 * total / number / max(space ** (1.0 / 3.0), 4.0 * least)
-    return int(min(max(laps, 1.0), float(MOST_LAPS)))
+    laps = int(min(max(laps, 1.0), float(MOST_LAPS)))
+    if elastic and (laps == 1) & (not die) & (least < np.inf):
+        w.number[FORESEEN], w.reach[0], w.reach[1] = 1, widest, least
+        w.reach[2], w.reach[3], w.reach[4] = mean
+    elif elastic:
+        for i in range(w.light.size):
+            w.what[FOLLOWED, i] = abs(w.what[FOLLOWED, i])
+    return laps
 
 
 def follow_anew(f: Any, alone: bool, parts: Any, c: Any, t: Any, h: Any) -> None:

@@ -120,6 +120,20 @@ def _measure_from(near: Any, share: Any, dx: Any, dy: Any, dz: Any) -> None:
         near.slots[s, FURTHEST_DRIFTED] = far
 
 
+def drifts(near: Any) -> Any:
+    """Whether a common way of all members has been taken from how far they have moved; after `refresh`."""
+    _, far = over_slices(near, FURTHEST)
+    return far > 0.25 * near.skin[0] * near.skin[0]
+
+
+def drift_of(near: Any) -> Any:
+    """The middle between the smallest and the largest displacement of members [m]."""
+    found = [
+        over_slices(near, MOVED + axis)[0] + over_slices(near, MOVED_HIGH + axis)[1] for axis in range(3)
+    ]
+    return 0.5 * found[0], 0.5 * found[1], 0.5 * found[2]
+
+
 @outlined
 def _hold(near: Any, share: Any) -> Any:
     """Whether the lists hold; the same for all threads, all of which must call it."""
