@@ -176,8 +176,8 @@ def test_what_circles_at_the_end_of_a_pipe_is_followed_at_once() -> None:
 @pytest.mark.parametrize("rate", [0.0, 2.9])
 @pytest.mark.parametrize("h", [2e-3, 8e-3])
 def test_a_grain_that_rolls_in_a_drum_is_a_pendulum_however_the_drum_turns(h: float, rate: float) -> None:
-    """With I = 2/5 m r² and R − r from the axis: θ'' = −5/7 g sin θ/(R − r), as friction turns the ball by what the drum does.
-    Grains had lost (s/R)² of their energy in a step s, 62 % of it in 30 s at 4 ms, and from a drum that turns they got
+    """With I = 2/5 m r² and R − r from the axis: θ'' = −5/7 g sin θ/(R − r), as friction turns the ball by what the drum
+    does. Grains had lost (s/R)² of their energy in a step s, 62 % of it in 30 s at 4 ms, and from a drum that turns they got
     energy, without end."""
     drum, r, wide = 0.5, 0.05, 0.3
     far = drum - r

@@ -62,8 +62,8 @@ class Ways(NamedTuple):
     to goes in the step [m], with the normal there, and how often that body's way had
     changed then (`met` [7, n]).
 
-    The queue of impacts, numbers of the step [3]; how far members come in it at most relative to their mean, the smallest radius,
-    and that mean [5] [m]; by which part of a step velocities are late [1]. Of one
+    The queue of impacts, numbers of the step [3]; how far members come in it at most relative to their mean, the smallest
+    radius, and that mean [5] [m]; by which part of a step velocities are late [1]. Of one
     impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in
     space are neighbours [room], −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and
     the cell of each [n]. Boxes about the ways in that order and about eight of these each, and so on [6, nodes], and

@@ -56,8 +56,8 @@ LOW, HIGH, LEAST, LARGEST, MOVED, MOVED_HIGH = 0, 3, 6, 7, 8, 11
 FURTHEST, FURTHEST_DRIFTED = 14, 15
 """Columns of `slots`: the square of the largest displacement, and of the largest about a common one."""
 CHANGED, BEGUN_FAR = 16, 17
-"""Columns of `slots`: 1 if a number of a member has changed since they were looked at last, else 0; how far members have been
-from their places when lists were built, at the beginning of a step."""
+"""Columns of `slots`: 1 if a number of a member has changed since they were looked at last, else 0; how far members
+have been from their places when lists were built, at the beginning of a step."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
