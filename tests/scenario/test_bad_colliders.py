@@ -96,7 +96,14 @@ LARGE, AWAY = {"type": "box", "size": [3, 3, 3]}, {**FAR_BALL, "center": [3, 3, 
         ("difference", [BALL, FAR_BALL, LARGE], "nothing is left of a sphere without a sphere and a box"),
         ("intersection", [BALL, FAR_BALL], None),
         ("intersection", [{**AWAY, "radius": 0.01}, {**AWAY, "radius": 0.02}], None),
-        ("intersection", [BALL, {**BALL, "center": [2, 0, 0]}], None),  # they touch, in one point
+        ("intersection", [BALL, {**BALL, "center": [2, 0, 0]}], "only touch"),  # in one point
+        ("intersection", [LARGE, {**LARGE, "center": [3, 1, 0]}], "only touch"),  # in a face
+        ("intersection", [BALL, {**BALL, "center": [2 - 1e-6, 0, 0]}], None),
+        (
+            "difference",
+            [BALL, {"type": "plane", "point": [0, 1, 0]}],
+            "nothing is left of a sphere without a plane",
+        ),
         ("difference", [LARGE, BALL], None),
         ("intersection", [{**BALL, "radius": 1e300}, {**BALL, "center": [1e299, 0, 0]}], None),
         ("difference", [BALL, {**BALL, "radius": 0.9999}], None),
@@ -113,6 +120,46 @@ def test_solids_with_nothing_in_them_are_refused(kind: str, of: list[Any], messa
     (told,) = error.value.diagnostics
     assert told.path == "colliders.block.of"
     assert told.allowed
+
+
+def test_a_solid_without_itself_is_refused() -> None:
+    scenario = table(
+        1, 0.01, colliders=[{"type": "difference", "name": "block", "of": [BALL, FAR_BALL, BALL]}]
+    )
+    with pytest.raises(
+        ps.ScenarioError, match="nothing is left of a sphere without the same sphere"
+    ) as error:
+        ps.from_table(scenario)
+    (told,) = error.value.diagnostics
+    assert told.path == "colliders.block.of.2"
+    assert told.allowed == "solids that take off a part of the first"
+
+
+RING = {"type": "torus", "radius": 1, "tube": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("kind", "of", "told"),
+    [
+        ("difference", [LARGE, {"type": "box", "size": [3, 4, 4]}], "a box without a box"),
+        ("intersection", [RING, {**BALL, "radius": 0.8}], "the intersection of a torus and a sphere"),
+        ("intersection", [RING, {**BALL, "radius": 0.8001}], None),
+        ("difference", [BALL, {**BALL, "radius": 1 - 1e-8}], None),
+        ("difference", [LARGE, {"type": "box", "size": [3, 4, 4], "center": [1e-3, 0, 0]}], None),
+    ],
+)
+def test_solids_in_which_no_place_is_found_are_told(kind: str, of: list[Any], told: str | None) -> None:
+    block = {"type": kind, "name": "block", "of": of}
+    for colliders, name in (
+        ([block], f"{kind} block"),
+        ([{"type": "union", "name": "all", "of": [AWAY, {"type": kind, "of": of}]}], "union all"),
+    ):
+        scenario = ps.from_table(table(1, 0.01, colliders=colliders, **GRAIN))
+        assert [text for text in advice(scenario) if "no place" in text] == (
+            [f"{name}: no place was found in {told}: it seems to be empty, or is too thin to be met"]
+            if told
+            else []
+        )
 
 
 def test_what_takes_nothing_off_is_told() -> None:
@@ -383,6 +430,56 @@ def test_a_sheet_that_is_thinner_than_places_are_exact_is_told() -> None:
     assert "rectangle" in sentence
     assert "1.5e-05 m thick at least" in sentence
     assert told("single", 2e-5) == told("double", 1e-6) == []
+
+
+AXIS = {"start": [0, 0, 0], "end": [0, 1, 0]}
+SLAB = {"type": "box", "size": [4, 1e-15, 4]}
+CUBE = {"type": "box", "size": [1, 1, 1]}
+NEEDLE = {"type": "capsule", **AXIS, "radius": 1e-15}
+
+
+@pytest.mark.parametrize(
+    ("shape", "thick"),
+    [
+        (SLAB, "1e-15"),
+        ({**SLAB, "size": [4, 1e-12, 4]}, None),
+        ({"type": "cylinder", "start": [0, 0, 0], "end": [0, 1e-14, 0], "radius": 1}, "1e-14"),
+        ({"type": "cone", **AXIS, "radius": 1e-15}, "2e-15"),
+        (NEEDLE, "2e-15"),
+        ({"type": "torus", "radius": 1, "tube": 1e-14}, "2e-14"),
+        ({"type": "union", "of": [CUBE, NEEDLE]}, "2e-15"),
+        ({"type": "difference", "of": [SLAB, NEEDLE]}, "1e-15"),
+        ({"type": "difference", "of": [CUBE, SLAB]}, None),
+        ({**SLAB, "inside": True}, None),
+    ],
+)
+def test_solids_that_are_thinner_than_places_are_exact_are_told(
+    shape: dict[str, Any], thick: str | None
+) -> None:
+    def told(radius: float) -> list[str]:
+        grain = points((0, 2, 0), radius=radius)
+        made = table(0.1, 1e-2, colliders=[{**shape, "name": "c"}], particles=[grain])
+        return [each for each in doubtful(World(ps.from_table(made))) if "thick," in each]
+
+    if thick is None:
+        assert told(0.0) == []
+        return
+    (sentence,) = told(0.0)
+    assert sentence.startswith(f"{shape['type']} c is {thick} m thick")
+    assert told(0.1) == []  # balls are found by their own thickness
+
+
+def test_what_is_swift_needs_more_to_be_met_by() -> None:
+    """A point at 1000 m/s had passed a box of 30 fm without a word: gaps are rounded by a part of its way, too."""
+
+    def told(speed: float) -> bool:
+        ball = points((0, 0.5, 0), radius=0.0) | {
+            "layout": {"type": "points", "position": [[0, 0.5, 0]], "velocity": [[0, -speed, 0]]}
+        }
+        made = table(0.1, 1e-3, colliders=[{"type": "box", "size": [2, 5e-14, 2]}], particles=[ball])
+        return any("thick," in each for each in doubtful(World(ps.from_table(made))))
+
+    assert [told(speed) for speed in (0, 1, 1000)] == [False, False, True]
 
 
 def test_coordinates_of_meshes_beyond_all_measure_are_refused(tmp_path: Path) -> None:
