@@ -487,3 +487,112 @@ def test_coordinates_of_meshes_beyond_all_measure_are_refused(tmp_path: Path) ->
     huge = {"type": "mesh", "path": str(tmp_path / "cube.obj"), "scale": 1e200}
     with pytest.raises(ps.ScenarioError, match="coordinates go up to 5e"):
         simulate(0.1, 1e-2, colliders=[huge], **GRAIN)
+
+
+BODY = {"name": "a", "shape": {"type": "box", "size": [1, 1, 1]}}
+ROD = {"type": "capsule", "name": "bar", "start": [0, 0, 0], "end": [0, 1, 0], "radius": 0.1}
+HEARS = {"name": "dust", "direction": "outward", "speed": 1}
+ALLOWED: dict[str, tuple[dict[str, Any], str, str]] = {
+    "a list for a turn": (
+        {"bodies": [BODY | {"orientation": [0, 0, 1]}]},
+        "orientation",
+        'axis, angle; or "random"',
+    ),
+    "a word for a turn": (
+        {"bodies": [BODY | {"orientation": "up"}]},
+        "orientation",
+        'axis, angle; or "random"',
+    ),
+    "a number for a turn": (
+        {"colliders": [SLAB | {"orientation": 30}]},
+        "orientation",
+        "a table with axis, angle",
+    ),
+    "no number": ({"planes": [{"point": [0, float("nan"), 0]}]}, "point.1", "a length, in m"),
+    "two of three": ({"planes": [{"point": [0, 0]}]}, "point", "a list of 3, each one a length, in m"),
+    "no normal": ({"planes": [{"normal": "up"}]}, "normal", "a list of 3, each one a number"),
+    "no solid": (
+        {"colliders": [{"type": "union", "of": ["a", "b"]}]},
+        "of.0",
+        'a table with type = "plane", "sphere"',
+    ),
+    "no spin": (
+        {"colliders": [ROD], "motions": [{"collider": "bar", "spin": 3}]},
+        "spin",
+        "a table with axis, rate",
+    ),
+    "no way": (
+        {"colliders": [ROD], "motions": [{"collider": "bar", "particles": [0], "path": ["x", "y", "t"]}]},
+        "particles",
+        "with on =",
+    ),
+    "time runs back": (
+        {
+            "colliders": [ROD],
+            "motions": [{"collider": "bar", "waypoints": [{"time": t, "offset": [0, 0, 0]} for t in (1, 0)]}],
+        },
+        "waypoints.1.time",
+        "a time after 1 s",
+    ),
+    "two masses": ({"bodies": [BODY | {"mass": 1, "density": 3}]}, "density", "one of the two"),
+    "no group": ({"emitters": [HEARS | {"on_impact": {"of": ["grian"]}}]}, "of.0", "grain, dust"),
+    "no impact": (
+        {"emitters": [HEARS | {"on_impact": "grain"}]},
+        "on_impact",
+        "a table with of, and if need be at",
+    ),
+    "itself": ({"emitters": [HEARS | {"on_impact": {"of": ["dust"]}}], "planes": [{}]}, "of.0", "grain"),
+    "nothing to hit": (
+        {"emitters": [HEARS | {"on_impact": {"of": ["grain"]}}]},
+        "of",
+        "planes or colliders hold back",
+    ),
+    "no pairs": (
+        {"bodies": [BODY], "joints": [{"type": "ball", "between": ["a", "world"], "pairs": "all"}]},
+        "pairs",
+        "a list, each one a list of 2, each one a whole number ≥ 0",
+    ),
+    "pairs twice": (
+        {"interactions": [{"type": "contact", "on": ["grain"], "between": ["grain", "grain"]}]},
+        "between",
+        'between = ["one", "other"]',
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ALLOWED)
+def test_what_is_refused_in_contact_is_told_with_what_is_allowed(name: str) -> None:
+    parts, path, allowed = ALLOWED[name]
+    with pytest.raises(ps.ScenarioError) as error:
+        ps.from_table(table(1, 0.01, **{**GRAIN, **parts}))
+    told = {
+        each.path.rpartition(path)[1]: each for each in error.value.diagnostics if each.path.endswith(path)
+    }
+    assert allowed in str(told[path].allowed)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        (np.zeros(5), "has 1 axis of float64"),
+        (np.zeros((4, 4, 4)), "has the shape"),
+        (np.zeros((1, 5)), "has the shape"),
+    ],
+)
+def test_arrays_that_are_no_height_field_are_told_with_what_is_one(
+    tmp_path: Path, numbers: Any, message: str
+) -> None:
+    np.save(tmp_path / "ground.npy", numbers)
+    ground = {"type": "height_field", "path": str(tmp_path / "ground.npy"), "size": [1, 1]}
+    with pytest.raises(ps.UsageError, match=message) as error:
+        World(ps.from_table(table(1, 0.01, colliders=[ground], **GRAIN)))
+    assert "two axes, [rows, columns]" in str(error.value)
+
+
+def test_what_nothing_dies_of_is_told_with_what_there_is() -> None:
+    lid = {"type": "sphere", "radius": 1, "name": "lid", "contact": "kill"}
+    check = {"quantity": "died.ceiling", "max": 1}
+    for colliders, hint in (([], "nothing here"), ([lid], "died.collider")):
+        with pytest.raises(ps.ScenarioError) as error:
+            ps.from_table(table(1, 0.01, colliders=colliders, checks=[check], **GRAIN))
+        assert error.value.diagnostics[0].hint == f"particles die of: {hint}"
