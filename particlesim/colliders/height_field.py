@@ -62,7 +62,8 @@ class HeightField(TriangleSolid):
         base = float(y.min()) - BASE * max(self.size) if self.base is None else self.base
         if base >= y.min():
             raise UsageError(
-                f"the base at {base:g} m is not below the lowest place of {self.path}, at {float(y.min()):g} m"
+                f"the base at {base:g} m is not below the lowest place of {self.path}, at {float(y.min()):g} m",
+                "give a lower base, or none",
             )
         surface = block(y, self.size, base)
         corners = surface.corners + np.asarray(self.center)

@@ -567,3 +567,15 @@ def test_a_joint_between_the_world_and_itself_is_told_as_such() -> None:
 def test_a_joint_of_a_body_with_itself_speaks_of_a_body() -> None:
     with pytest.raises(ps.ScenarioError, match="joins body 0 to itself"):
         ps.from_table(table(1, 0.01, joints=[{"type": "ball", "on": "bar", "pairs": [[0, 0]]}]))
+
+
+@pytest.mark.parametrize("length", [1e-320, 1e-200, 1e200])
+def test_the_axis_of_a_hinge_may_have_any_length(length: float) -> None:
+    """The square of its length had been 0 or infinite, and its direction none."""
+    spun = BODY | {"angular_velocity": [0, 0, 1]}
+    ends = [
+        simulate(0.1, 1e-2, bodies=[spun], joints=[HINGE | {"axis": [0, 0, size]}]).final["orientation"]
+        for size in (1.0, length)
+    ]
+    assert abs(ends[0][0, 3]) > 0.04
+    np.testing.assert_allclose(ends[1], ends[0], rtol=1e-12, atol=1e-15)

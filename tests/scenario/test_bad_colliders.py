@@ -552,6 +552,21 @@ ALLOWED: dict[str, tuple[dict[str, Any], str, str]] = {
         "pairs",
         "a list, each one a list of 2, each one a whole number ≥ 0",
     ),
+    "thick ring": (
+        {"bodies": [BODY | {"shape": {"type": "torus", "radius": 1, "tube": 2}}]},
+        "tube",
+        "less than 1 m",
+    ),
+    "one twice": (
+        {"bodies": [BODY], "joints": [{"type": "ball", "on": "a", "pairs": [[0, 0]]}]},
+        "pairs.0",
+        "two different indices",
+    ),
+    "rate of impacts": (
+        {"emitters": [HEARS | {"rate": 3, "on_impact": {"of": ["grain"]}}], "planes": [{}]},
+        "rate",
+        "count of on_impact",
+    ),
     "pairs twice": (
         {"interactions": [{"type": "contact", "on": ["grain"], "between": ["grain", "grain"]}]},
         "between",
@@ -596,3 +611,40 @@ def test_what_nothing_dies_of_is_told_with_what_there_is() -> None:
         with pytest.raises(ps.ScenarioError) as error:
             ps.from_table(table(1, 0.01, colliders=colliders, checks=[check], **GRAIN))
         assert error.value.diagnostics[0].hint == f"particles die of: {hint}"
+
+
+@pytest.mark.parametrize(("key", "value"), [("mass", 1e-320), ("mass", 1e308), ("density", 1e-320)])
+def test_masses_of_bodies_that_no_number_inverts_are_refused(key: str, value: float) -> None:
+    """The inverse of such a mass had been infinite, and places were no numbers."""
+    text = f"""format = 1
+[simulation]
+duration = 0.1
+dt = 1e-3
+[[bodies]]
+shape = {{ type = "box", size = [1, 1, 1] }}
+{key} = {value!r}
+"""
+    with pytest.raises(ps.ScenarioError, match="moments of inertia from") as error:
+        World(ps.loads(text))
+    (told,) = error.value.diagnostics
+    assert told.span is not None
+    assert (told.span.line, told.span.column) == (7, len(key) + 4)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [[1e-320, 1, 1], [1e-320] * 3, [1e308] * 3])
+def test_boxes_of_any_size_are_made_ready(size: list[float]) -> None:
+    """A size of which no half is a number, or no multiple, had ended with a mistake of psim."""
+    box = {"type": "box", "size": size, "center": [0, -1, 0]}
+    doubtful(World(ps.from_table(table(1, 0.01, colliders=[box], **GRAIN))))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("distance", "size", "message"),
+    [("1e200*x", 1, "no number holds the square of its slope"), ("x", 1e-320, "no slope")],
+)
+def test_formulas_beyond_all_numbers_are_refused(distance: str, size: float, message: str) -> None:
+    ground = {"type": "formula", "distance": distance, "size": [size] * 3}
+    with pytest.raises(ps.ScenarioError, match=message):
+        ps.from_table(table(1, 0.01, colliders=[ground], **GRAIN))

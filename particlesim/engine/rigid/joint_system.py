@@ -200,6 +200,9 @@ def _size(b: Bodies, i: int, j: int) -> float:
 
 def _across(axis: Floats) -> tuple[Floats, Floats, Floats]:
     """A unit vector and two across it."""
+    largest = np.abs(axis).max()
+    if not 1e-150 < largest < 1e150:  # the square of its length would be no number
+        axis = axis / largest
     axis = axis / np.linalg.norm(axis)
     p = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     p /= np.linalg.norm(p)
