@@ -648,3 +648,14 @@ def test_formulas_beyond_all_numbers_are_refused(distance: str, size: float, mes
     ground = {"type": "formula", "distance": distance, "size": [size] * 3}
     with pytest.raises(ps.ScenarioError, match=message):
         ps.from_table(table(1, 0.01, colliders=[ground], **GRAIN))
+
+
+@pytest.mark.filterwarnings("ignore:.*encountered")
+def test_the_surface_of_what_no_square_holds_is_found() -> None:
+    """Its triangles had been halved for ever."""
+    cut = {
+        "type": "difference",
+        "of": [{"type": "box", "size": [1e200, 1, 1]}, {"type": "sphere", "radius": 0.1}],
+    }
+    (made,) = ps.from_table(table(1, 0.01, colliders=[cut], **GRAIN)).colliders
+    assert len(made.triangles().faces)
