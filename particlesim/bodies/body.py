@@ -91,12 +91,15 @@ class Bodies(Rubbing, Particles):
                 "bodies cannot be pinned", at=("pinned",), hint="a collider of this shape stays where it is"
             )
         if not isinstance(self.dynamics, SecondOrder):
-            raise invalid("bodies have inertia", at=("dynamics",))
+            raise invalid(
+                "bodies have inertia", at=("dynamics",), allowed='type = "second_order", or nothing'
+            )
         if self.mass is not None and self.density is not None:
             raise invalid(
                 "mass and density contradict each other",
                 at=("density",),
                 also=[(("mass",), "mass is given here")],
+                allowed="one of the two",
             )
         if self.layout is not None:
             mine = Points(position=(self.position or REST,), velocity=(self.velocity or REST,))
@@ -106,6 +109,7 @@ class Bodies(Rubbing, Particles):
                         f"{name} and layout contradict each other",
                         at=(name,),
                         also=[(("layout",), "given here")],
+                        allowed=f"one of the two; a layout of points may have a {name} for each body",
                     )
             if self.layout.is_body:
                 raise invalid(

@@ -189,6 +189,7 @@ class TorusBody(BodyShape):
                 "the wire of a ring is thinner than its radius",
                 at=("tube",),
                 also=[(("radius",), "the ring")],
+                allowed=f"less than {self.radius:g} m",
             )
         return self
 

@@ -31,7 +31,7 @@ def check_pairs(pairs: Sequence[tuple[int, int]], *, inside: bool, of: str = "pa
     seen: dict[frozenset[int] | tuple[int, int], int] = {}
     for k, (a, b) in enumerate(pairs):
         if inside and a == b:
-            raise invalid(f"joins {of} {a} to itself", at=("pairs", k))
+            raise invalid(f"joins {of} {a} to itself", at=("pairs", k), allowed="two different indices")
         key = frozenset((a, b)) if inside else (a, b)
         if key in seen:
             raise invalid(

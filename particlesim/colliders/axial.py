@@ -59,6 +59,9 @@ class AxialSolid(Solid):
     def grain(self) -> float:
         return GRAIN * min(self.radius, self.length())
 
+    def waist(self) -> float:
+        return min(2 * self.radius, self.length())
+
     def farthest(self) -> float:
         return max(map(abs, (*self.start, *self.end))) + self.radius
 

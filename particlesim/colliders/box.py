@@ -47,6 +47,9 @@ class Box(Solid):
     def grain(self) -> float:
         return GRAIN * min(self.size)
 
+    def waist(self) -> float:
+        return min(self.size)
+
     def farthest(self) -> float:
         return max(map(abs, self.center)) + norm(self.size) / 2
 

@@ -24,6 +24,9 @@ class Capsule(AxialSolid):
 
     type: Literal["capsule"] = "capsule"
 
+    def waist(self) -> float:
+        return 2 * self.radius
+
     def geometry(self) -> Any:
         return placed(CapsuleRecord(self.length() / 2, self.radius), self.middle(), self.rotation())
 

@@ -15,13 +15,13 @@ from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from particlesim.colliders import COMPONENTS, SOLIDS
-from particlesim.colliders.emptiness import surely_apart
+from particlesim.colliders.emptiness import common_of, surely_apart
 from particlesim.colliders.gaps import gaps_of
 from particlesim.colliders.half_space import HalfSpace
-from particlesim.colliders.solid import PARTS, HollowConvexRecord, HollowRecord, Solid, SolidCollider
+from particlesim.colliders.solid import GRAIN, PARTS, HollowConvexRecord, HollowRecord, Solid, SolidCollider
 from particlesim.colliders.triangulation import Triangles, clipped, joined, without_slivers
 from particlesim.colliders.way import lipschitz_apart, marched_contact
 from particlesim.laws.registry import (
@@ -61,6 +61,8 @@ class Combination(Solid):
     of: tuple[AnySolid, ...] = Field(min_length=2)
     """The solids: tables with a type and the keys of that shape."""
 
+    _doubtful: bool = PrivateAttr(default=False)
+
     @model_validator(mode="after")
     def _ends(self) -> Combination:
         if all(isinstance(part, HalfSpace) for part in self.of):
@@ -75,8 +77,19 @@ class Combination(Solid):
     def grain(self) -> float:
         return min(part.grain() for part in self.of)
 
+    def waist(self) -> float:
+        return min(part.waist() for part in self.of)  # at most
+
     def farthest(self) -> float:
         return max(part.farthest() for part in self.of)
+
+    def empty(self) -> Iterator[str]:
+        """What seems to have nothing in it: the solid itself, and combinations among its parts."""
+        if self._doubtful:
+            yield f"the {self.kind} of {self.words()}" if self.kind == "intersection" else self.words()
+        for part in self.of:
+            if isinstance(part, Combination):
+                yield from part.empty()
 
     def surface_of(self, part: Solid) -> Triangles:
         """The surface of a part, without walls in it; of a plane, what there is about all others."""
@@ -104,6 +117,18 @@ class Combination(Solid):
             surface = without_slivers(surface)
             found.append(Triangles(surface.corners, surface.faces[:, ::-1]) if hollow else surface)
         return joined(found)
+
+
+class CombinationCollider(SolidCollider):
+    """Solids put together that hold particles back."""
+
+    costly: ClassVar[bool] = True
+
+    def doubts(self, name: str, lightest: float | None, dt: float) -> Iterator[str]:
+        yield from super().doubts(name, lightest, dt)
+        assert isinstance(self, Combination)
+        for words in self.empty():
+            yield f"{name}: no place was found in {words}: it seems to be empty, or is too thin to be met"
 
 
 def _outside_of(part: Solid) -> Any:
@@ -163,10 +188,8 @@ class Union(Combination):
         return joined(found)
 
 
-class UnionCollider(Union, SolidCollider):
+class UnionCollider(Union, CombinationCollider):
     """Solids that are one: particles stay out of all of them."""
-
-    costly: ClassVar[bool] = True
 
     of: tuple[AnyPart, ...] = Field(min_length=2)
     """The solids: tables with a type and the keys of that shape. A plane is all that is behind it; a part may itself be put
@@ -205,13 +228,20 @@ class Intersection(Combination):
 
     @model_validator(mode="after")
     def _holds_something(self) -> Intersection:
-        if are_exact(self.of) and surely_apart(self.whole(), _least_reach(self.of)):
+        if not are_exact(self.of):
+            return self
+        convex = all(part.convex for part in self.of)
+        found = common_of(self.whole(), _least_reach(self.of), self.grain() / GRAIN, convex=convex)
+        if found in ("nothing", "touch"):
             raise invalid(
-                f"{listed(self.of)} have nothing in common",
+                f"{listed(self.of)} have nothing in common"
+                if found == "nothing"
+                else f"{listed(self.of)} only touch: what they have in common has no volume",
                 at=("of",),
                 allowed="solids that overlap each other",
                 hint='a "union" is all of them together',
             )
+        self._doubtful = found == "doubt"
         return self
 
     def whole(self) -> tuple[Any, ...]:
@@ -221,10 +251,8 @@ class Intersection(Combination):
         return IntersectionRecord(self.whole(), self.grain())
 
 
-class IntersectionCollider(Intersection, SolidCollider):
+class IntersectionCollider(Intersection, CombinationCollider):
     """What several solids have in common."""
-
-    costly: ClassVar[bool] = True
 
     of: tuple[AnyPart, ...] = Field(min_length=2)
     """The solids: tables with a type and the keys of that shape. A plane is all that is behind it; a part may itself be put
@@ -241,15 +269,29 @@ class Difference(Combination):
     @model_validator(mode="after")
     def _leaves_something(self) -> Difference:
         first, *others = self.of
-        if isinstance(first, HalfSpace):
-            return self  # which has no end
-        if are_exact(self.of) and surely_apart(self.whole(), first.farthest()):
+        for k, other in enumerate(others, start=1):
+            if other.model_dump() == first.model_dump():
+                raise invalid(
+                    f"nothing is left of a {first.kind} without the same {other.kind}",
+                    at=("of", k),
+                    also=[(("of", 0), "the same solid")],
+                    allowed="solids that take off a part of the first",
+                )
+        if isinstance(first, HalfSpace) or not are_exact(self.of):
+            return self  # a plane has no end
+        convex = first.convex and all(isinstance(part, HalfSpace) for part in others)
+        found = common_of(self.whole(), first.farthest(), self.grain() / GRAIN, convex=convex)
+        if found in ("nothing", "touch"):
             raise invalid(
                 f"nothing is left of a {first.kind} without {listed(others)}",
                 at=("of",),
                 allowed="a first solid that is not wholly inside of the others",
             )
+        self._doubtful = found == "doubt"
         return self
+
+    def waist(self) -> float:
+        return self.of[0].waist()  # at most
 
     def whole(self) -> tuple[Any, ...]:
         first, *others = self.of
@@ -266,10 +308,8 @@ class Difference(Combination):
         return f"a {first.kind} without {listed(others)}"
 
 
-class DifferenceCollider(Difference, SolidCollider):
+class DifferenceCollider(Difference, CombinationCollider):
     """The first solid without the others."""
-
-    costly: ClassVar[bool] = True
 
     of: tuple[AnyPart, ...] = Field(min_length=2)
     """The solids: tables with a type and the keys of that shape. A plane is all that is behind it; a part may itself be put
@@ -287,8 +327,11 @@ class DifferenceCollider(Difference, SolidCollider):
         ends, seen = ends[seen < radius], seen[seen < radius]
         if not len(ends):
             return 0.0
+        surface = self.triangles()
+        if not len(surface.faces):
+            return 0.0  # nothing seems to be left of it, which `doubts` tells
         few = np.linspace(0, len(ends) - 1, min(len(ends), MOST_ENDS)).astype(int)
-        most = float((_distances_to(self.triangles(), ends[few]) - seen[few]).max())
+        most = float((_distances_to(surface, ends[few]) - seen[few]).max())
         return most if most > SHARP * radius + ROUNDED * self.farthest() else 0.0
 
     def early_where(self, radius: float) -> str:

@@ -105,7 +105,15 @@ class Formula(Solid):
                 hint='this is a collider of type "box"',
             )
         self._require_no_jump(values)
-        steep = STEEPER * _slopes(values, self._axes())
+        with np.errstate(all="ignore"):
+            steep = STEEPER * _slopes(values, self._axes())
+        if not np.isfinite(steep).all():
+            raise invalid(
+                "no number holds the square of its slope",
+                at=("distance",),
+                also=[(("size",), "in the box of this size")],
+                allowed="slopes up to 1e150: the distance itself has one of 1",
+            )
         low, high = _range(values)
         self._steep, self._levels = float(steep.max()), levels_of(low, high, steep)
         self._cut = is_cut(values)
@@ -128,7 +136,10 @@ class Formula(Solid):
         """Refuse a formula that touches zero without going through it, as a square does: it leads nowhere."""
         corners = surface_net(self._values(), self._axes(), self._at).corners
         h = 1e-6 * max(self.size)
-        rise = [(self._at(corners + h * axis) - self._at(corners - h * axis)) / (2 * h) for axis in np.eye(3)]
+        with np.errstate(all="ignore"):  # in a box of no size there is no slope either
+            rise = [
+                (self._at(corners + h * axis) - self._at(corners - h * axis)) / (2 * h) for axis in np.eye(3)
+            ]
         half = 0.5 * np.asarray(self.size)
         inner = (np.abs(corners) < half - 2 * h).all(axis=1)
         slope = np.linalg.norm(rise, axis=0)

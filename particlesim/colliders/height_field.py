@@ -56,13 +56,14 @@ class HeightField(TriangleSolid):
         if content.ndim != 2 or min(content.shape) < 2:
             raise UsageError(
                 f"{self.path} has the shape {content.shape}",
-                "a height field has two rows and two columns at least",
+                "a height field has two axes, [rows, columns], with two rows and two columns at least",
             )
         y = self.height * content
         base = float(y.min()) - BASE * max(self.size) if self.base is None else self.base
         if base >= y.min():
             raise UsageError(
-                f"the base at {base:g} m is not below the lowest place of {self.path}, at {float(y.min()):g} m"
+                f"the base at {base:g} m is not below the lowest place of {self.path}, at {float(y.min()):g} m",
+                "give a lower base, or none",
             )
         surface = block(y, self.size, base)
         corners = surface.corners + np.asarray(self.center)

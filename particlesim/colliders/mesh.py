@@ -6,6 +6,7 @@ pseudonormal (`bvh`). A closed mesh whose triangles are wound so that their fron
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -92,6 +93,9 @@ class Mesh(TriangleSolid):
     def rotation(self) -> Rows:
         """From the axes of the file to those of the world."""
         return UNTURNED if self.orientation is None else self.orientation.rotation()
+
+    def waist(self) -> float:
+        return math.inf if self.thickness is None else self.thickness
 
     @property
     def dropped(self) -> int:

@@ -38,6 +38,9 @@ class Sheet(Solid):
         """Half its thickness [m]."""
         return 0.5 * (THIN * self.extent() if self.thickness is None else self.thickness)
 
+    def waist(self) -> float:
+        return 2 * self.half()
+
     def grain(self) -> float:
         return 0.1 * self.half()
 

@@ -205,7 +205,8 @@ def _(shape: BoxRecord) -> tuple[Face, ...]:
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
         step = min(half[u], half[v]) / FINE
-        a, b = (np.linspace(-w, w, 1 + 2 * min(math.ceil(w / step), MOST)) for w in (half[u], half[v]))
+        number = [math.ceil(w / step) if w / MOST < step else MOST for w in (half[u], half[v])]
+        a, b = (np.linspace(-w, w, 1 + 2 * n) for w, n in zip((half[u], half[v]), number, strict=True))
         for side in (-1.0, 1.0):
             normal = np.zeros(3)
             normal[axis] = side

@@ -6,6 +6,7 @@ radius of the particle. A particle that is a ball reaches into no corner of a co
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar, NamedTuple
 
 from pydantic import StrictBool
@@ -57,6 +58,10 @@ class Solid(Model):
     def farthest(self) -> float:
         """The farthest coordinate of its surface [m]."""
         raise NotImplementedError
+
+    def waist(self) -> float:
+        """How thick it is where it is thinnest [m]; infinite where that is not known."""
+        return math.inf
 
     def words(self) -> str:
         """Where it is and how large."""

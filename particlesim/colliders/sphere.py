@@ -40,6 +40,9 @@ class Sphere(Solid):
     def grain(self) -> float:
         return GRAIN * self.radius
 
+    def waist(self) -> float:
+        return 2 * self.radius
+
     def farthest(self) -> float:
         return max(map(abs, self.center)) + self.radius
 

@@ -65,6 +65,9 @@ class Torus(Solid):
     def grain(self) -> float:
         return GRAIN * min(self.tube, self.radius - self.tube)
 
+    def waist(self) -> float:
+        return 2 * self.tube
+
     def farthest(self) -> float:
         return max(map(abs, self.center)) + self.radius + self.tube
 

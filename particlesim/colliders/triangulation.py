@@ -97,6 +97,10 @@ def grid_faces(index: Ints) -> Ints:
     return np.stack([first, second], axis=2).reshape(-1, 3)
 
 
+LARGE = 1e150
+"""Lengths whose squares are numbers [m]."""
+
+
 def clipped(surface: Triangles, distance: Callable[[Floats], Floats], longest: float) -> Triangles:
     """The part of a surface where a distance of places [n, 3], which changes no faster than they do, is negative.
 
@@ -108,7 +112,8 @@ def clipped(surface: Triangles, distance: Callable[[Floats], Floats], longest: f
     value = distance(corners)
     while len(faces):
         edge = corners[faces] - corners[np.roll(faces, -1, axis=1)]
-        length = np.sqrt((edge**2).sum(axis=2))
+        unit = max(1.0, float(np.abs(edge).max()) / LARGE)
+        length = unit * np.sqrt(((edge / unit) ** 2).sum(axis=2))
         clear = np.abs(value[faces]).max(axis=1) > length.max(axis=1)
         kept.append(faces[clear & (value[faces] < 0).all(axis=1)])
         small = ~clear & (length.max(axis=1) <= longest)

@@ -1,5 +1,5 @@
-"""The way of a particle in a step, and where it first meets a shape: no shape is so thin, and no particle so fast, that it
-would pass.
+"""The way of a particle in a step, and where it first meets a shape, however fast the particle is. No convex shape is too
+thin for that, down to rounding.
 
 The way is the parabola x(s) = x₀ + u s + c s², 0 ≤ s ≤ 1, through the places at both ends of the step with the velocity at
 its beginning: u = h v₀, c = x₁ − x₀ − u. In a uniform field it is exact, else its error is of third order.
@@ -12,7 +12,7 @@ Two searches, both from one safe place to the next (conservative advancement):
   that moves off needs one look.
 - Of any other shape the gap is known to change no faster than the place: the way is free as far as the gap is wide. Steps
   are no shorter than `grain`, a small part of the shape's smallest radius R, so that at most a graze of depth grain²/8R is
-  missed.
+  missed, and what is thinner than `grain`, as parts of differences, intersections and level sets may be.
 
 Sources: J. C. Hart, Sphere tracing, The Visual Computer 12, 527 (1996); B. V. Mirtich, Impulse-based dynamic simulation of
 rigid body systems (thesis, Berkeley 1996), section 2.3.

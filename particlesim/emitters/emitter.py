@@ -29,6 +29,9 @@ from particlesim.sampling.distributions import Distribution, Sampled, draw, smal
 from particlesim.sampling.random_streams import Streams
 from particlesim.sampling.shapes import AnyShape
 
+BORN = "count of on_impact is how many are born of an impact, at its place"
+"""What there is instead of a rate and a shape where impacts give birth."""
+
 
 class Burst(Model):
     """Many particles at once."""
@@ -158,14 +161,19 @@ class Emitter(Group):
         here = ((("on_impact",), "impacts give birth"),)
         for name in ("rate", "shape", "stop"):
             if getattr(self, name) is not None:
-                raise invalid(f"{name} has no meaning with on_impact", at=(name,), also=here)
+                raise invalid(f"{name} has no meaning with on_impact", at=(name,), also=here, allowed=BORN)
         if self.bursts():
-            raise invalid("burst has no meaning with on_impact", at=("burst",), also=here)
+            raise invalid("burst has no meaning with on_impact", at=("burst",), also=here, allowed=BORN)
         for name in ("start", "timing"):
             if getattr(self, name) != type(self).model_fields[name].default:
-                raise invalid(f"{name} has no meaning with on_impact", at=(name,), also=here)
+                raise invalid(f"{name} has no meaning with on_impact", at=(name,), also=here, allowed=BORN)
         if self.when_full == "wait":
-            raise invalid("waiting births are not possible with on_impact", at=("when_full",), also=here)
+            raise invalid(
+                "waiting births are not possible with on_impact",
+                at=("when_full",),
+                also=here,
+                allowed='"recycle", or nothing',
+            )
 
     @model_validator(mode="before")
     @classmethod

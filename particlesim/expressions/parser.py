@@ -44,6 +44,11 @@ MAX_DEPTH = 16
 """Operations inside each other; the compiler recurses over them, and would run out of stack at some thirty."""
 
 
+WRITTEN = "numbers, names, ( ), + - * / **, functions and a if b < c else d"
+"""What expressions are written with."""
+DEEPEST = "write it with fewer brackets inside each other"
+
+
 class ExpressionError(ValueError):
     """A text that is no expression: what is wrong, where (0-based, in characters), how long, and what is allowed."""
 
@@ -74,10 +79,11 @@ def parse(text: str, constants: Mapping[str, float], variables: Mapping[str, Nod
     Names are the variables, pi, e, and the given constants. Raises ExpressionError with the place inside the text.
     """
     if len(text) > MAX_LENGTH:
-        raise ExpressionError(f"longer than {MAX_LENGTH} characters", 0, 1)
+        raise ExpressionError(f"longer than {MAX_LENGTH:,} characters", 0, 1, hint=f"{len(text):,} here")
+    known = [*variables, *BUILTIN_CONSTANTS, *constants]
     stripped = text.strip()
     if not stripped:
-        raise ExpressionError("an empty expression", 0, 1, hint='write "0" for no force')
+        raise ExpressionError("an empty expression", 0, 1, hint=_allowed(known))
     indent = len(text) - len(text.lstrip())
     _check_characters(text)
     try:
@@ -86,9 +92,11 @@ def parse(text: str, constants: Mapping[str, float], variables: Mapping[str, Nod
             warnings.simplefilter("ignore", DeprecationWarning)
             tree = ast.parse(stripped, mode="eval").body
     except SyntaxError as error:
-        raise ExpressionError("not an expression", indent + _place(error, stripped)) from None
+        raise ExpressionError(
+            "not an expression", indent + _place(error, stripped), hint=_allowed(known)
+        ) from None
     except (RecursionError, MemoryError):
-        raise ExpressionError("nested too deeply", 0, len(text)) from None
+        raise ExpressionError("nested too deeply", 0, len(text), hint=DEEPEST) from None
     return _Builder(stripped, indent, constants, variables).build(tree)
 
 
@@ -96,14 +104,18 @@ def _check_characters(text: str) -> None:
     """Refuse what Python's parser would read and an expression does not have: comments, other letters, other bases."""
     for offset, character in enumerate(text):
         if character == "#":
-            raise ExpressionError("an expression has no comments", offset, len(text) - offset)
+            hint = "write it behind the quotation mark at the end"
+            raise ExpressionError("an expression has no comments", offset, len(text) - offset, hint=hint)
         if not (character.isascii() and (character.isprintable() or character.isspace())):
             written = _PLAIN.get(character)
             raise ExpressionError(
-                "not a character of an expression", offset, hint=f"write {written}" if written else None
+                "not a character of an expression",
+                offset,
+                hint=f"write {written}" if written else f"{WRITTEN}; names are of a to z, digits and _",
             )
     if (based := _BASED.search(text)) is not None:
-        raise ExpressionError("not a decimal number", based.start(), len(based[0]))
+        hint = "numbers such as 12, 0.5 and 1e-3"
+        raise ExpressionError("not a decimal number", based.start(), len(based[0]), hint=hint)
 
 
 def _place(error: SyntaxError, text: str) -> int:
@@ -160,21 +172,17 @@ class _Builder:
             return self._call(node)
         if isinstance(node, ast.IfExp):
             return self._choice(node)
-        raise self._error(
-            node,
-            "not allowed in an expression",
-            "numbers, names, + - * / **, functions and a if b < c else d",
-        )
+        raise self._error(node, "not allowed in an expression", self._allowed())
 
     def _number(self, node: ast.Constant) -> Node:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-            raise self._error(node, "not a number", None)
+            raise self._error(node, "not a number", self._allowed())
         try:
             number = float(node.value)
         except OverflowError:
             number = math.inf
         if not math.isfinite(number):
-            raise self._error(node, "the number is too large", None)
+            raise self._error(node, "the number is too large", "numbers are up to 1.8e308")
         return Constant(number)
 
     def _name(self, node: ast.Name) -> Node:
@@ -238,7 +246,9 @@ class _Builder:
         function = FUNCTIONS[name]
         wanted = len(function._fields)  # type: ignore[attr-defined]
         if node.keywords or len(node.args) != wanted or any(isinstance(a, ast.Starred) for a in node.args):
-            raise self._error(node, f"{name} takes {wanted} argument{'s' if wanted > 1 else ''}", None)
+            such = ", ".join("abc"[:wanted])
+            plural = "s" if wanted > 1 else ""
+            raise self._error(node, f"{name} takes {wanted} argument{plural}", f"write {name}({such})")
         return self._folded(function(*(self.build(a) for a in node.args)), node)
 
     def _choice(self, node: ast.IfExp) -> Node:
@@ -257,6 +267,9 @@ class _Builder:
         if op is ast.GtE:
             return IfLess(a, b, no, yes)
         raise self._error(test, "unknown comparison", "<, <=, > and >= are allowed")
+
+    def _allowed(self) -> str:
+        return _allowed([*self.variables, *self.constants])
 
     def _error(self, node: ast.expr, message: str, hint: str | None) -> ExpressionError:
         start = self._characters(node.lineno, node.col_offset)
@@ -304,6 +317,11 @@ def _height(node: ast.expr) -> int:
         inside = height + (not isinstance(here, ast.Compare))
         left += [(part, inside) for part in ast.iter_child_nodes(here) if isinstance(part, ast.expr)]
     return highest
+
+
+def _allowed(known: list[str]) -> str:
+    """What an expression may have, which knows these names."""
+    return f"{WRITTEN}; names: {', '.join(known)}; functions: {', '.join(FUNCTIONS)}"
 
 
 def _nearest(name: str, candidates: list[str], what: str, known: list[str]) -> str:

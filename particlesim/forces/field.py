@@ -85,8 +85,9 @@ class Field(Force):
             try:
                 node = parse(text, self.constants)
             except ExpressionError as error:
+                hint = error.hint if text.strip() else 'write "0" for no force'
                 raise invalid(
-                    error.message, at=path, hint=error.hint, within=(error.offset, error.length)
+                    error.message, at=path, hint=hint, within=(error.offset, error.length)
                 ) from None
             if path == ("potential",) and self._velocity(node):
                 raise invalid("a potential depends on the place, not on the velocity", at=path)

@@ -91,7 +91,8 @@ class Motion(Model):
         for name in ("spin",) if self.collider is None else ("particles",):
             if getattr(self, name) is not None:
                 whom = "colliders" if self.collider is None else "groups"
-                raise invalid(f"{name} is for {whom}", at=(name,))
+                key = "collider" if self.collider is None else "on"
+                raise invalid(f"{name} is for {whom}", at=(name,), allowed=f'with {key} = "name"')
         if self.spin is not None and self.path is None and self.waypoints is None:
             if self.constants:
                 raise invalid("constants are for a path", at=("constants",))
@@ -113,6 +114,7 @@ class Motion(Model):
                     f"{b.time:g} s is not after {a.time:g} s",
                     at=("waypoints", k + 1, "time"),
                     also=[(("waypoints", k, "time"), "the one before")],
+                    allowed=f"a time after {a.time:g} s",
                 )
         return self
 

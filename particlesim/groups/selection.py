@@ -69,7 +69,7 @@ def mistakes(selection: Selection, layout: Layout, at: Path, place: Path) -> lis
                     f"there is no particle {item}",
                     here,
                     ((place, f"{number} particles"),),
-                    allowed=f"0 to {number - 1}",
+                    allowed=f"0 to {number - 1}" if number > 1 else "0",
                 )
             )
     return found

@@ -67,7 +67,10 @@ class PairInteraction(Model):
     def _whose(self) -> PairInteraction:
         if self.on is not None and self.between is not None:
             raise invalid(
-                "on and between contradict each other", at=("between",), also=[(("on",), "given here")]
+                "on and between contradict each other",
+                at=("between",),
+                also=[(("on",), "given here")],
+                allowed='on = ["one", "other"] for all pairs in these groups, or between = ["one", "other"]',
             )
         if self.between is not None and self.between[0] == self.between[1]:
             raise invalid(

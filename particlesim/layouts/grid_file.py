@@ -41,7 +41,8 @@ def _array(path: Path) -> Floats:
         ) from None
     if values.dtype.kind not in "fiu" or values.ndim not in (2, 3):
         raise UsageError(
-            f"{path} has {values.ndim} axes of {values.dtype}", "real numbers over two or three axes are read"
+            f"{path} has {values.ndim} {'axis' if values.ndim == 1 else 'axes'} of {values.dtype}",
+            "a height field has real numbers over two axes, [rows, columns], a grid over three, [x, y, z]",
         )
     _bounded(path, values.size)
     return np.array(values, float)

@@ -12,7 +12,7 @@ import numpy as np
 from particlesim.colliders import Collider
 from particlesim.colliders.content import files_in
 from particlesim.colliders.mesh import told_of_flat
-from particlesim.colliders.rectangle import Sheet
+from particlesim.colliders.solid import Solid
 from particlesim.engine.diagnosis.crowding import crowded, crowded_births
 from particlesim.engine.diagnosis.haste import Haste, haste
 from particlesim.engine.diagnosis.overlaps import Caught, caught, no_room, overlaps
@@ -23,7 +23,7 @@ from particlesim.engine.stability.limits import double_advised, remedy
 from particlesim.engine.step.following import MAX_IMPACTS
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
-from particlesim.scenario.reach import acts_on, collider_tables, interacting, meetings_of
+from particlesim.scenario.reach import acts_on, collider_tables, held_back, interacting, meetings_of
 from particlesim.scenario.scenario import Scenario
 
 FASTEST = 4
@@ -262,24 +262,39 @@ def _coarse_told(label: str, step: float, length: float, precision: str, when: s
 
 
 THINNEST = 64
-"""The thickness of sheets, in steps between two numbers at a place, from which on contact knows their sides for sure."""
+"""The thickness of shapes, in steps between two numbers at a place, from which on contact knows their sides for sure."""
 
 
 def too_thin(world: World) -> tuple[str, ...]:
-    """A sentence for every sheet so thin that places are rounded to a part of it."""
-    found = []
-    far = max(
-        (float(np.abs(state.x[:, : state.count]).max(initial=0.0)) for state in world.states), default=0.0
-    )
-    precision = world.scenario.simulation.precision
-    for _, collider in collider_tables(world.scenario):
+    """A sentence for every shape so thin that places are rounded to a part of it and of what touches it.
+
+    Single precision keeps places in steps of ε |x|. On its way in a step a particle is looked at in double precision, where
+    gaps below 16 ε times its coordinates, the size of all colliders, and how far it moves in two steps are rounding.
+    """
+    scenario, found = world.scenario, []
+    precision, tables = scenario.simulation.precision, [each for _, each in collider_tables(scenario)]
+    states = [state for state in world.states if state.count]
+    places = [np.abs(state.x[:, : state.count]) for state in states]
+    speeds = [np.abs(state.v[:, : state.count]) for state in states]
+    far = max((float(x.max()) for x in places), default=0.0)
+    size = max((float(x.sum(axis=0).max()) for x in places), default=0.0)
+    way = 2 * scenario.grid.dt * max((float(v.sum(axis=0).max()) for v in speeds), default=0.0)
+    size += way + max((each.reach() for each in tables), default=0.0)
+    for collider in tables:
         thickness = (
-            2 * collider.half() if isinstance(collider, Sheet) else getattr(collider, "thickness", None)
+            collider.waist()
+            if isinstance(collider, Solid) and not getattr(collider, "inside", False)
+            else np.inf
         )
-        if thickness is None:
+        touching = [group.least_size() for group in scenario.groups if held_back(collider, (group.name,))]
+        if not touching or not np.isfinite(thickness):
             continue
-        step = float(np.finfo(precision).eps) * max(far, float(np.abs(collider.pivot()).max()))
-        if thickness < THINNEST * step:
+        radius = min(0.0 if each is None else each[1] for each in touching)
+        step = max(
+            float(np.finfo(precision).eps) * max(far, float(np.abs(collider.pivot()).max())),
+            float(np.finfo(float).eps) * size,
+        )
+        if thickness + 2 * radius < THINNEST * step:
             better = ', or precision = "double"' if precision == "single" else ""
             found.append(
                 f"{_called(world, collider)} is {thickness:.3g} m thick, and positions there are rounded by {step:.2g} m: "

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from particlesim.bodies import Bodies
 from particlesim.colliders.content import FromFile, files_in
 from particlesim.colliders.moving import led_to
 from particlesim.errors import ResourceError, UsageError
@@ -29,6 +30,8 @@ READERS: dict[str, Callable[[Path], Any]] = {
     **dict.fromkeys((".npy", ".png"), read_grid),
 }
 """What reads a file, by its ending."""
+SMALLEST = 1e-307
+"""Masses [kg] and moments of inertia [kg m²] below which no number holds one over them; they are below one over it, too."""
 UNDEFINED = "roots, logarithms and quotients do not have a value everywhere: give a path that lasts until the end of the run"
 """What helps where a path is not finite."""
 
@@ -59,8 +62,20 @@ def open_colliders(scenario: Scenario) -> None:
                 _open(scenario, where, shape)
         with _at(scenario, ("bodies", k, "shape")):
             body.shape.frame()
+        with _at(scenario, ("bodies", k, "density" if body.mass is None else "mass")):
+            _require_mass(body)
     if any(True for collider in scenario.colliders for _ in files_in(collider)):
         _leave_room(scenario)
+
+
+def _require_mass(body: Bodies) -> None:
+    """Raises UsageError where no numbers hold the mass of a body and its moments of inertia, and one over them."""
+    moments = body.inertia()
+    if not all(SMALLEST < each < 1 / SMALLEST for each in (body.weight, *moments.tolist())):
+        raise UsageError(
+            f"a mass of {body.weight:.3g} kg, with moments of inertia from {min(moments):.3g} to {max(moments):.3g} kg m²",
+            f"masses and moments of inertia are from {SMALLEST:g} to {1 / SMALLEST:g}",
+        )
 
 
 def undefined(motion: Motion, body: Any, time: float) -> str | None:

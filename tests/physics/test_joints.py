@@ -507,7 +507,7 @@ def test_joints_that_cannot_be_are_refused(parts: dict[str, Any], message: str) 
     ("body", "joint", "message"),
     [
         ({}, {"rods": [ROD | {"length": 0.9}]}, "1 m apart"),
-        ({"velocity": [1, 0, 0]}, {"joints": [BALL]}, "move apart there at 1 m/s"),
+        ({"velocity": [1, 0, 0]}, {"joints": [BALL]}, "move apart at 1 m/s"),
         ({"angular_velocity": [1, 0, 0]}, {"joints": [HINGE]}, "across the axis"),
     ],
 )
@@ -516,6 +516,45 @@ def test_starts_that_do_not_fit_joints_are_refused(
 ) -> None:
     with pytest.raises(ps.UsageError, match=message):
         simulate(1.0, 1e-2, bodies=[BODY | body], **joint)
+
+
+OPENING = """format = 1
+[simulation]
+duration = 0.1
+dt = 0.001
+[[bodies]]
+name = "door"
+shape = { type = "box", size = [0.2, 0.2, 0.2] }
+layout = { type = "points", position = [[0, 0, 0], [1, 0, 0]] }
+angular_velocity = [0, 0, 3]
+[[joints]]
+type = "ball"
+TABLE
+"""
+
+
+@pytest.mark.parametrize(
+    ("joint", "message"),
+    [
+        (
+            'between = ["door", "world"]\npairs = [[1, 0]]\nanchor = [0.5, 0, 0]',
+            "body 1 of 'door' and the world move apart at 1.5 m/s at the start where they are joined, at (0.5, 0, 0) m, "
+            "0.5 m from the centre of body 1 of 'door'",
+        ),
+        (
+            'on = "door"\npairs = [[0, 1]]',
+            "body 0 of 'door' and body 1 of 'door' move apart at 3 m/s at the start where they are joined, at "
+            "(0.5, 0, 0) m, 0.5 m from the centre of body 0 of 'door' and 0.5 m from the centre of body 1 of 'door'",
+        ),
+    ],
+)
+def test_a_joint_that_would_open_is_told_with_its_place_and_its_bodies(joint: str, message: str) -> None:
+    with pytest.raises(ps.ScenarioError) as error:
+        ps.run(ps.loads(OPENING.replace("TABLE", joint)))
+    (told,) = error.value.diagnostics
+    assert message in told.message
+    assert told.span is not None
+    assert (told.span.line, told.span.column) == (10, 1)
 
 
 def test_a_joint_between_the_world_and_itself_is_told_as_such() -> None:
@@ -528,3 +567,15 @@ def test_a_joint_between_the_world_and_itself_is_told_as_such() -> None:
 def test_a_joint_of_a_body_with_itself_speaks_of_a_body() -> None:
     with pytest.raises(ps.ScenarioError, match="joins body 0 to itself"):
         ps.from_table(table(1, 0.01, joints=[{"type": "ball", "on": "bar", "pairs": [[0, 0]]}]))
+
+
+@pytest.mark.parametrize("length", [1e-320, 1e-200, 1e200])
+def test_the_axis_of_a_hinge_may_have_any_length(length: float) -> None:
+    """The square of its length had been 0 or infinite, and its direction none."""
+    spun = BODY | {"angular_velocity": [0, 0, 1]}
+    ends = [
+        simulate(0.1, 1e-2, bodies=[spun], joints=[HINGE | {"axis": [0, 0, size]}]).final["orientation"]
+        for size in (1.0, length)
+    ]
+    assert abs(ends[0][0, 3]) > 0.04
+    np.testing.assert_allclose(ends[1], ends[0], rtol=1e-12, atol=1e-15)

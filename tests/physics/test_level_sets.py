@@ -388,6 +388,25 @@ def test_bad_formulas_are_refused_where_they_are(tmp_path: Path, name: str) -> N
 
 
 @pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("x +", "+ - * / **, functions and a if b < c else d; names: x, y, z, pi, e, k; functions: sin, cos"),
+        ("", "names: x, y, z, pi, e, k"),
+        ("x < y", "names: x, y, z, pi, e, k"),
+        ("y - é", "names are of a to z"),
+        ("y - min(x)", "write min(a, b)"),
+        ("y - 0x10", "12, 0.5 and 1e-3"),
+        ("y  # no", "behind the quotation mark"),
+    ],
+)
+def test_what_is_no_formula_is_told_what_one_may_have(text: str, hint: str) -> None:
+    collider = {"type": "formula", "distance": text, "size": [1, 1, 1], "constants": {"k": 1}}
+    with pytest.raises(ps.ScenarioError) as told:
+        ps.from_table({"format": 1, "simulation": {"duration": 1, "dt": 0.01}, "colliders": [collider]})
+    assert hint in str(told.value.diagnostics[0].hint)
+
+
+@pytest.mark.parametrize(
     "text",
     [
         "min(y, max(y - 0.4, x))",

@@ -12,6 +12,7 @@ from particlesim.process.threads import Team
 from particlesim.render import Camera, RenderSettings, render_frame
 from particlesim.render.film import mesh_shapes
 from particlesim.render.scene.bodies import Bodies
+from particlesim.render.scene.props import Props
 from particlesim.render.scene.smooth_normals import is_closed, smooth_fans
 from particlesim.sampling.random_streams import Streams
 from particlesim.trajectory.topology import Topology
@@ -427,3 +428,19 @@ def test_what_reaches_below_all_particles_is_as_bright_there(plain):
     picture = render_frame(source, 0, settings, meshes=mesh_shapes(scenario)).astype(int)
     upper, lower = picture[51, 80], picture[63, 80]
     assert np.abs(upper - lower).max() <= 3
+
+
+def test_a_solid_without_a_surface_is_not_drawn() -> None:
+    """Of a cut that takes off all there is no triangle: pictures had ended with a mistake of psim."""
+    cut = {
+        "type": "difference",
+        "of": [{"type": "box", "size": [1, 1, 1]}, {"type": "box", "size": [1, 2, 2]}],
+    }
+    rod = {"type": "capsule", "start": [0, 0, 0], "end": [0, 1, 0], "radius": 0.2}
+    simulation = {"duration": 1, "dt": 0.1}
+    dust = {"layout": {"type": "points", "position": [[0, 3, 0]]}}
+    made = {"format": 1, "simulation": simulation, "colliders": [cut, rod], "particles": [dust]}
+    scenario = ps.from_table(made)
+    empty, solid = mesh_shapes(scenario)
+    assert len(empty.triangles) == 0
+    assert len(Props((empty, solid), np.zeros(3), 1.0, None).faces) == len(solid.triangles)

@@ -96,7 +96,14 @@ LARGE, AWAY = {"type": "box", "size": [3, 3, 3]}, {**FAR_BALL, "center": [3, 3, 
         ("difference", [BALL, FAR_BALL, LARGE], "nothing is left of a sphere without a sphere and a box"),
         ("intersection", [BALL, FAR_BALL], None),
         ("intersection", [{**AWAY, "radius": 0.01}, {**AWAY, "radius": 0.02}], None),
-        ("intersection", [BALL, {**BALL, "center": [2, 0, 0]}], None),  # they touch, in one point
+        ("intersection", [BALL, {**BALL, "center": [2, 0, 0]}], "only touch"),  # in one point
+        ("intersection", [LARGE, {**LARGE, "center": [3, 1, 0]}], "only touch"),  # in a face
+        ("intersection", [BALL, {**BALL, "center": [2 - 1e-6, 0, 0]}], None),
+        (
+            "difference",
+            [BALL, {"type": "plane", "point": [0, 1, 0]}],
+            "nothing is left of a sphere without a plane",
+        ),
         ("difference", [LARGE, BALL], None),
         ("intersection", [{**BALL, "radius": 1e300}, {**BALL, "center": [1e299, 0, 0]}], None),
         ("difference", [BALL, {**BALL, "radius": 0.9999}], None),
@@ -113,6 +120,46 @@ def test_solids_with_nothing_in_them_are_refused(kind: str, of: list[Any], messa
     (told,) = error.value.diagnostics
     assert told.path == "colliders.block.of"
     assert told.allowed
+
+
+def test_a_solid_without_itself_is_refused() -> None:
+    scenario = table(
+        1, 0.01, colliders=[{"type": "difference", "name": "block", "of": [BALL, FAR_BALL, BALL]}]
+    )
+    with pytest.raises(
+        ps.ScenarioError, match="nothing is left of a sphere without the same sphere"
+    ) as error:
+        ps.from_table(scenario)
+    (told,) = error.value.diagnostics
+    assert told.path == "colliders.block.of.2"
+    assert told.allowed == "solids that take off a part of the first"
+
+
+RING = {"type": "torus", "radius": 1, "tube": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("kind", "of", "told"),
+    [
+        ("difference", [LARGE, {"type": "box", "size": [3, 4, 4]}], "a box without a box"),
+        ("intersection", [RING, {**BALL, "radius": 0.8}], "the intersection of a torus and a sphere"),
+        ("intersection", [RING, {**BALL, "radius": 0.8001}], None),
+        ("difference", [BALL, {**BALL, "radius": 1 - 1e-8}], None),
+        ("difference", [LARGE, {"type": "box", "size": [3, 4, 4], "center": [1e-3, 0, 0]}], None),
+    ],
+)
+def test_solids_in_which_no_place_is_found_are_told(kind: str, of: list[Any], told: str | None) -> None:
+    block = {"type": kind, "name": "block", "of": of}
+    for colliders, name in (
+        ([block], f"{kind} block"),
+        ([{"type": "union", "name": "all", "of": [AWAY, {"type": kind, "of": of}]}], "union all"),
+    ):
+        scenario = ps.from_table(table(1, 0.01, colliders=colliders, **GRAIN))
+        assert [text for text in advice(scenario) if "no place" in text] == (
+            [f"{name}: no place was found in {told}: it seems to be empty, or is too thin to be met"]
+            if told
+            else []
+        )
 
 
 def test_what_takes_nothing_off_is_told() -> None:
@@ -385,8 +432,230 @@ def test_a_sheet_that_is_thinner_than_places_are_exact_is_told() -> None:
     assert told("single", 2e-5) == told("double", 1e-6) == []
 
 
+AXIS = {"start": [0, 0, 0], "end": [0, 1, 0]}
+SLAB = {"type": "box", "size": [4, 1e-15, 4]}
+CUBE = {"type": "box", "size": [1, 1, 1]}
+NEEDLE = {"type": "capsule", **AXIS, "radius": 1e-15}
+
+
+@pytest.mark.parametrize(
+    ("shape", "thick"),
+    [
+        (SLAB, "1e-15"),
+        ({**SLAB, "size": [4, 1e-12, 4]}, None),
+        ({"type": "cylinder", "start": [0, 0, 0], "end": [0, 1e-14, 0], "radius": 1}, "1e-14"),
+        ({"type": "cone", **AXIS, "radius": 1e-15}, "2e-15"),
+        (NEEDLE, "2e-15"),
+        ({"type": "torus", "radius": 1, "tube": 1e-14}, "2e-14"),
+        ({"type": "union", "of": [CUBE, NEEDLE]}, "2e-15"),
+        ({"type": "difference", "of": [SLAB, NEEDLE]}, "1e-15"),
+        ({"type": "difference", "of": [CUBE, SLAB]}, None),
+        ({**SLAB, "inside": True}, None),
+    ],
+)
+def test_solids_that_are_thinner_than_places_are_exact_are_told(
+    shape: dict[str, Any], thick: str | None
+) -> None:
+    def told(radius: float) -> list[str]:
+        grain = points((0, 2, 0), radius=radius)
+        made = table(0.1, 1e-2, colliders=[{**shape, "name": "c"}], particles=[grain])
+        return [each for each in doubtful(World(ps.from_table(made))) if "thick," in each]
+
+    if thick is None:
+        assert told(0.0) == []
+        return
+    (sentence,) = told(0.0)
+    assert sentence.startswith(f"{shape['type']} c is {thick} m thick")
+    assert told(0.1) == []  # balls are found by their own thickness
+
+
+def test_what_is_swift_needs_more_to_be_met_by() -> None:
+    """A point at 1000 m/s had passed a box of 30 fm without a word: gaps are rounded by a part of its way, too."""
+
+    def told(speed: float) -> bool:
+        ball = points((0, 0.5, 0), radius=0.0) | {
+            "layout": {"type": "points", "position": [[0, 0.5, 0]], "velocity": [[0, -speed, 0]]}
+        }
+        made = table(0.1, 1e-3, colliders=[{"type": "box", "size": [2, 5e-14, 2]}], particles=[ball])
+        return any("thick," in each for each in doubtful(World(ps.from_table(made))))
+
+    assert [told(speed) for speed in (0, 1, 1000)] == [False, False, True]
+
+
 def test_coordinates_of_meshes_beyond_all_measure_are_refused(tmp_path: Path) -> None:
     trimesh.creation.box((1, 1, 1)).export(tmp_path / "cube.obj")
     huge = {"type": "mesh", "path": str(tmp_path / "cube.obj"), "scale": 1e200}
     with pytest.raises(ps.ScenarioError, match="coordinates go up to 5e"):
         simulate(0.1, 1e-2, colliders=[huge], **GRAIN)
+
+
+BODY = {"name": "a", "shape": {"type": "box", "size": [1, 1, 1]}}
+ROD = {"type": "capsule", "name": "bar", "start": [0, 0, 0], "end": [0, 1, 0], "radius": 0.1}
+HEARS = {"name": "dust", "direction": "outward", "speed": 1}
+ALLOWED: dict[str, tuple[dict[str, Any], str, str]] = {
+    "a list for a turn": (
+        {"bodies": [BODY | {"orientation": [0, 0, 1]}]},
+        "orientation",
+        'axis, angle; or "random"',
+    ),
+    "a word for a turn": (
+        {"bodies": [BODY | {"orientation": "up"}]},
+        "orientation",
+        'axis, angle; or "random"',
+    ),
+    "a number for a turn": (
+        {"colliders": [SLAB | {"orientation": 30}]},
+        "orientation",
+        "a table with axis, angle",
+    ),
+    "no number": ({"planes": [{"point": [0, float("nan"), 0]}]}, "point.1", "a length, in m"),
+    "two of three": ({"planes": [{"point": [0, 0]}]}, "point", "a list of 3, each one a length, in m"),
+    "no normal": ({"planes": [{"normal": "up"}]}, "normal", "a list of 3, each one a number"),
+    "no solid": (
+        {"colliders": [{"type": "union", "of": ["a", "b"]}]},
+        "of.0",
+        'a table with type = "plane", "sphere"',
+    ),
+    "no spin": (
+        {"colliders": [ROD], "motions": [{"collider": "bar", "spin": 3}]},
+        "spin",
+        "a table with axis, rate",
+    ),
+    "no way": (
+        {"colliders": [ROD], "motions": [{"collider": "bar", "particles": [0], "path": ["x", "y", "t"]}]},
+        "particles",
+        "with on =",
+    ),
+    "time runs back": (
+        {
+            "colliders": [ROD],
+            "motions": [{"collider": "bar", "waypoints": [{"time": t, "offset": [0, 0, 0]} for t in (1, 0)]}],
+        },
+        "waypoints.1.time",
+        "a time after 1 s",
+    ),
+    "two masses": ({"bodies": [BODY | {"mass": 1, "density": 3}]}, "density", "one of the two"),
+    "no group": ({"emitters": [HEARS | {"on_impact": {"of": ["grian"]}}]}, "of.0", "grain, dust"),
+    "no impact": (
+        {"emitters": [HEARS | {"on_impact": "grain"}]},
+        "on_impact",
+        "a table with of, and if need be at",
+    ),
+    "itself": ({"emitters": [HEARS | {"on_impact": {"of": ["dust"]}}], "planes": [{}]}, "of.0", "grain"),
+    "nothing to hit": (
+        {"emitters": [HEARS | {"on_impact": {"of": ["grain"]}}]},
+        "of",
+        "planes or colliders hold back",
+    ),
+    "no pairs": (
+        {"bodies": [BODY], "joints": [{"type": "ball", "between": ["a", "world"], "pairs": "all"}]},
+        "pairs",
+        "a list, each one a list of 2, each one a whole number ≥ 0",
+    ),
+    "thick ring": (
+        {"bodies": [BODY | {"shape": {"type": "torus", "radius": 1, "tube": 2}}]},
+        "tube",
+        "less than 1 m",
+    ),
+    "one twice": (
+        {"bodies": [BODY], "joints": [{"type": "ball", "on": "a", "pairs": [[0, 0]]}]},
+        "pairs.0",
+        "two different indices",
+    ),
+    "rate of impacts": (
+        {"emitters": [HEARS | {"rate": 3, "on_impact": {"of": ["grain"]}}], "planes": [{}]},
+        "rate",
+        "count of on_impact",
+    ),
+    "pairs twice": (
+        {"interactions": [{"type": "contact", "on": ["grain"], "between": ["grain", "grain"]}]},
+        "between",
+        'between = ["one", "other"]',
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ALLOWED)
+def test_what_is_refused_in_contact_is_told_with_what_is_allowed(name: str) -> None:
+    parts, path, allowed = ALLOWED[name]
+    with pytest.raises(ps.ScenarioError) as error:
+        ps.from_table(table(1, 0.01, **{**GRAIN, **parts}))
+    told = {
+        each.path.rpartition(path)[1]: each for each in error.value.diagnostics if each.path.endswith(path)
+    }
+    assert allowed in str(told[path].allowed)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        (np.zeros(5), "has 1 axis of float64"),
+        (np.zeros((4, 4, 4)), "has the shape"),
+        (np.zeros((1, 5)), "has the shape"),
+    ],
+)
+def test_arrays_that_are_no_height_field_are_told_with_what_is_one(
+    tmp_path: Path, numbers: Any, message: str
+) -> None:
+    np.save(tmp_path / "ground.npy", numbers)
+    ground = {"type": "height_field", "path": str(tmp_path / "ground.npy"), "size": [1, 1]}
+    with pytest.raises(ps.UsageError, match=message) as error:
+        World(ps.from_table(table(1, 0.01, colliders=[ground], **GRAIN)))
+    assert "two axes, [rows, columns]" in str(error.value)
+
+
+def test_what_nothing_dies_of_is_told_with_what_there_is() -> None:
+    lid = {"type": "sphere", "radius": 1, "name": "lid", "contact": "kill"}
+    check = {"quantity": "died.ceiling", "max": 1}
+    for colliders, hint in (([], "nothing here"), ([lid], "died.collider")):
+        with pytest.raises(ps.ScenarioError) as error:
+            ps.from_table(table(1, 0.01, colliders=colliders, checks=[check], **GRAIN))
+        assert error.value.diagnostics[0].hint == f"particles die of: {hint}"
+
+
+@pytest.mark.parametrize(("key", "value"), [("mass", 1e-320), ("mass", 1e308), ("density", 1e-320)])
+def test_masses_of_bodies_that_no_number_inverts_are_refused(key: str, value: float) -> None:
+    """The inverse of such a mass had been infinite, and places were no numbers."""
+    text = f"""format = 1
+[simulation]
+duration = 0.1
+dt = 1e-3
+[[bodies]]
+shape = {{ type = "box", size = [1, 1, 1] }}
+{key} = {value!r}
+"""
+    with pytest.raises(ps.ScenarioError, match="moments of inertia from") as error:
+        World(ps.loads(text))
+    (told,) = error.value.diagnostics
+    assert told.span is not None
+    assert (told.span.line, told.span.column) == (7, len(key) + 4)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [[1e-320, 1, 1], [1e-320] * 3, [1e308] * 3])
+def test_boxes_of_any_size_are_made_ready(size: list[float]) -> None:
+    """A size of which no half is a number, or no multiple, had ended with a mistake of psim."""
+    box = {"type": "box", "size": size, "center": [0, -1, 0]}
+    doubtful(World(ps.from_table(table(1, 0.01, colliders=[box], **GRAIN))))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("distance", "size", "message"),
+    [("1e200*x", 1, "no number holds the square of its slope"), ("x", 1e-320, "no slope")],
+)
+def test_formulas_beyond_all_numbers_are_refused(distance: str, size: float, message: str) -> None:
+    ground = {"type": "formula", "distance": distance, "size": [size] * 3}
+    with pytest.raises(ps.ScenarioError, match=message):
+        ps.from_table(table(1, 0.01, colliders=[ground], **GRAIN))
+
+
+@pytest.mark.filterwarnings("ignore:.*encountered")
+def test_the_surface_of_what_no_square_holds_is_found() -> None:
+    """Its triangles had been halved for ever."""
+    cut = {
+        "type": "difference",
+        "of": [{"type": "box", "size": [1e200, 1, 1]}, {"type": "sphere", "radius": 0.1}],
+    }
+    (made,) = ps.from_table(table(1, 0.01, colliders=[cut], **GRAIN)).colliders
+    assert len(made.triangles().faces)

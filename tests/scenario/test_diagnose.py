@@ -94,6 +94,7 @@ CASES = (
         "expected 3 elements, got 2",
         "forces.gravity.acceleration",
         "[0, 1]",
+        allowed="a list of 3, each one an acceleration, in m/s^2",
     ),
     Case(
         'type = "normal", ',
@@ -165,6 +166,7 @@ CASES = (
         'expected "symplectic_euler" or "rk4" or a table, got 3',
         "simulation.integrator",
         "3",
+        allowed='"symplectic_euler" or "rk4"; or a table with method, and if need be tolerance',
     ),
     Case(
         "dt = 0.002",
@@ -189,6 +191,7 @@ CASES = (
         'expected a list, got "ball"',
         "forces.air.on",
         '"ball"',
+        allowed="a list, each one text",
         hint='a list of one: ["ball"]',
     ),
     Case('["ball"]', '["bal"]', "no group is called 'bal'", "forces.air.on.0", '"bal"'),
@@ -198,6 +201,7 @@ CASES = (
         "must have at most 3 elements, got 4",
         "particles.ball.layout.position.0",
         '[0, "12 cm", 0, 0]',
+        allowed="a list of 3, each one a length, in m",
     ),
     Case(
         'type = "gravity"',

@@ -201,7 +201,7 @@ class RigidIsland(BaseIsland):
         given = b.v.copy(), b.spin.copy()
         close_joints(self._scene, b, motion)
         self._take(b)
-        require_speeds(self._made, b, given)
+        require_speeds(self._scenario, self._made, b, given)
 
     def fit(self) -> None:
         if self._made:

@@ -19,7 +19,7 @@ from particlesim.engine.rigid.rotation import angular_velocity, matrix
 from particlesim.engine.rigid.stops import Stops
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
-from particlesim.model.mistakes import Invalid
+from particlesim.model.mistakes import Invalid, Path
 from particlesim.scenario.scenario import Scenario
 from particlesim.scenario.text.diagnose import scenario_error
 
@@ -27,7 +27,7 @@ from particlesim.scenario.text.diagnose import scenario_error
 class Made(NamedTuple):
     """A joint: its kind, its bodies by rows (the second may be WORLD), its ends in their frames, the axis of a hinge in the
     frame of the first body and two across it in that of the second, the length of a rod, its size [m], its name for people,
-    and whether its bodies touch each other."""
+    and whether its bodies touch each other; what stops it; where it is stated, and what its two bodies are called."""
 
     kind: int
     first: int
@@ -42,6 +42,8 @@ class Made(NamedTuple):
     name: str
     touch: bool
     stop: Stop | None = None
+    stated: Path | None = None
+    called: tuple[str, str] = ("", "")
 
 
 class Stop(NamedTuple):
@@ -90,7 +92,7 @@ def made_joints(scenario: Scenario, seats: Mapping[str, Ints], b: Bodies) -> lis
     Raises UsageError for rods whose ends are not where their length wants them.
     """
     found, none = [], np.zeros(3)
-    for joint in scenario.joints:
+    for table, joint in enumerate(scenario.joints):
         pairs = joint.pairs or SINGLE
         anchors = joint.anchors * (1 if joint.several else len(pairs))
         for k, (i, j) in enumerate(rows_of(seats, joint.groups(), pairs)):
@@ -99,6 +101,7 @@ def made_joints(scenario: Scenario, seats: Mapping[str, Ints], b: Bodies) -> lis
             one, two = (frame(b, m).T @ (place - centre(b, m)) for m in (i, j))
             name = joint.name if len(pairs) == 1 else f"{joint.name} {k}"
             size = _size(b, i, j)
+            called = _called(scenario, seats, joint.groups(), pairs[k])
             if isinstance(joint, HingeJoint):
                 axis, p, q = _across(np.array(joint.axis))
                 turned = (frame(b, i).T @ axis, frame(b, j).T @ p, frame(b, j).T @ q)
@@ -107,6 +110,7 @@ def made_joints(scenario: Scenario, seats: Mapping[str, Ints], b: Bodies) -> lis
             else:
                 ball = Made(BALL, i, j, one, two, none, none, none, 0.0, size, name, joint.touch)
                 found.append(ball._replace(stop=_cone(joint, frame(b, i), frame(b, j))))
+            found[-1] = found[-1]._replace(stated=("joints", table), called=called)
     for rods in rod_lists(scenario):
         points = own_points(scenario, rods.groups, rods.points)
         for k, (i, j) in enumerate(rows_of(seats, rods.groups, rods.pairs)):
@@ -122,19 +126,38 @@ def made_joints(scenario: Scenario, seats: Mapping[str, Ints], b: Bodies) -> lis
                 )
                 raise _misfit(
                     scenario,
-                    rods.table,
+                    _stated(rods.table),
                     f"{name}: its ends are {apart:.6g} m apart at the start, and its length is {length:.6g} m",
                     hint,
                 )
-            found.append(Made(ROD, i, j, points[0], points[1], none, none, none, length, length, name, True))
+            rod = Made(ROD, i, j, points[0], points[1], none, none, none, length, length, name, True)
+            called = _called(scenario, seats, rods.groups, rods.pairs[k])
+            found.append(rod._replace(stated=_stated(rods.table), called=called))
     return found
 
 
-def _misfit(scenario: Scenario, table: int | None, text: str, hint: str) -> UsageError:
-    """The error of rods that do not fit, with the place of their table, if it has one."""
-    if scenario.source is None or table is None:
+def _called(
+    scenario: Scenario, seats: Mapping[str, Ints], groups: tuple[str, str], pair: Sequence[int]
+) -> tuple[str, str]:
+    """What messages call both ends of a joint: the only one of a group by its name."""
+    bodies = {group.name for group in scenario.bodies}
+    found = []
+    for name, number in zip(groups, pair, strict=True):
+        one = f"{'body' if name in bodies else 'particle'} {number} of {name!r}"
+        found.append("the world" if name == WORLD_NAME else repr(name) if len(seats[name]) == 1 else one)
+    return found[0], found[1]
+
+
+def _stated(table: int | None) -> Path | None:
+    """Where rods are stated; those of a group have no table."""
+    return None if table is None else ("rods", table)
+
+
+def _misfit(scenario: Scenario, stated: Path | None, text: str, hint: str) -> UsageError:
+    """The error of joints that do not fit, with the place of their table, if it has one."""
+    if scenario.source is None or stated is None:
         return UsageError(text, hint)
-    return scenario_error(scenario.source, [Invalid(text, ("rods", table), hint=hint)])
+    return scenario_error(scenario.source, [Invalid(text, stated, hint=hint)])
 
 
 def _stop(hinge: HingeJoint, mark: Floats, other: Floats) -> Stop | None:
@@ -177,6 +200,9 @@ def _size(b: Bodies, i: int, j: int) -> float:
 
 def _across(axis: Floats) -> tuple[Floats, Floats, Floats]:
     """A unit vector and two across it."""
+    largest = np.abs(axis).max()
+    if not 1e-150 < largest < 1e150:  # the square of its length would be no number
+        axis = axis / largest
     axis = axis / np.linalg.norm(axis)
     p = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     p /= np.linalg.norm(p)
@@ -286,7 +312,7 @@ def _ordered(count: int, sharing: Sequence[tuple[int, int, int, int, int]]) -> t
     return order, component
 
 
-def require_speeds(made: Sequence[Made], b: Bodies, start: tuple[Floats, Floats]) -> None:
+def require_speeds(scenario: Scenario, made: Sequence[Made], b: Bodies, start: tuple[Floats, Floats]) -> None:
     """Raises UsageError where bodies would open a joint with the velocities and angular momenta [3, n] at the start."""
     velocity, spin = start
     for each in made:
@@ -308,8 +334,11 @@ def require_speeds(made: Sequence[Made], b: Bodies, start: tuple[Floats, Floats]
             opening = along * (opening @ along) / (along @ along)
         speed = float(np.linalg.norm(opening))
         if speed > SPEED_TOLERANCE * scale:
-            raise UsageError(
-                f"{each.name}: the bodies move apart there at {speed:.3g} m/s at the start",
+            raise _misfit(
+                scenario,
+                each.stated,
+                f"{each.name}: {' and '.join(each.called)} move apart at {speed:.3g} m/s at the start "
+                f"{_ends(each, b)}",
                 "a body that turns with ω about a place at the distance r from its centre moves with velocity ω × r"
                 if each.kind != ROD
                 else "give velocities across the rod",
@@ -319,10 +348,28 @@ def require_speeds(made: Sequence[Made], b: Bodies, start: tuple[Floats, Floats]
             turning = speeds[0][1] - speeds[1][1]
             off = float(np.linalg.norm(turning - axis * (axis @ turning)))
             if off > SPEED_TOLERANCE * max(np.linalg.norm(each) for _, each in speeds):
-                raise UsageError(
-                    f"{each.name}: the bodies turn against each other at {off:.3g} rad/s across the axis at the start",
+                raise _misfit(
+                    scenario,
+                    each.stated,
+                    f"{each.name}: {' and '.join(each.called)} turn against each other at {off:.3g} rad/s across the axis "
+                    "at the start",
                     "give angular velocities that differ along the axis only",
                 )
+
+
+def _ends(each: Made, b: Bodies) -> str:
+    """Where a joint or a rod is, and how far a joint is from the centres of its bodies, in words."""
+    ends = ((each.called[0], each.first, each.end), (each.called[1], each.second, each.other_end))
+    places = " and ".join(dict.fromkeys(_place(frame(b, i) @ end + centre(b, i)) for _, i, end in ends))
+    if each.kind == ROD:
+        return f"with its ends at {places}"
+    away = [f"{np.linalg.norm(end):.3g} m from the centre of {name}" for name, i, end in ends if i != WORLD]
+    return f"where they are joined, at {places}, {' and '.join(away)}"
+
+
+def _place(x: Floats) -> str:
+    """A place in words [m]."""
+    return f"({', '.join(f'{each:.3g}' for each in (np.round(x, 12) + 0.0).tolist())}) m"
 
 
 def partners_of(scenario: Scenario, made: Sequence[Made], bodies: int) -> tuple[Ints, Ints, Ints]:

@@ -19,6 +19,9 @@ class Props:
     """
 
     def __init__(self, shapes: tuple[MeshShape, ...], center: Array, scale: float, frame: Frame) -> None:
+        shapes = tuple(
+            each for each in shapes if len(each.triangles)
+        )  # of an empty solid there is nothing to see
         self._shapes, self._center, self._scale = shapes, center, scale
         self._corners, self._normals = [], []
         self._copies = [1 if each.group is None else len(members(frame, each.group)) for each in shapes]

@@ -143,7 +143,7 @@ def _numbered(
                 f"{group.name!r} has no {one} {pair[end]}",
                 (*here, "pairs", j, end) if joint.pairs is not None else at,
                 ((path, f"{number} {one if number == 1 else several}"),),
-                allowed=f"0 to {number - 1}",
+                allowed=f"0 to {number - 1}" if number > 1 else "0",
             )
 
 

@@ -147,6 +147,8 @@ def _unknown(scenario: Tables, name: str, k: int) -> Invalid:
             "it is that of motion and of forces between particles, in a box that is periodic along all axes: not where "
             "springs, rods, pins or impulses (contact without stiffness) carry some of it"
         )
+    elif name.startswith("died."):
+        hint = "particles die of: " + (", ".join(components) or "nothing here")
     elif name.startswith("work.") and hint is None:
         hint = "work is done by: " + (", ".join(components) or "nothing")
     else:

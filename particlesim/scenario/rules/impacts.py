@@ -3,7 +3,7 @@ births."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from particlesim.interactions.contact import Contact
 from particlesim.model.mistakes import Invalid, Path
@@ -55,6 +55,7 @@ def heard(scenario: Tables) -> Iterator[Invalid]:
                     "change the impacts that cause them",
                     (*here, "of", j),
                     also,
+                    allowed=_others(scenario, owner, emitter.name),
                 )
             else:
                 hears.setdefault(owner[emitter.name], set()).add(owner[name])
@@ -124,7 +125,17 @@ def _places(
     if at is None and not any(
         held_back(each, names) and not each.soft for _, each in collider_tables(scenario)
     ):
-        yield Invalid(f"{', '.join(map(repr, names))} can hit nothing", (*here, "of"))
+        yield Invalid(
+            f"{', '.join(map(repr, names))} can hit nothing",
+            (*here, "of"),
+            allowed='groups that planes or colliders hold back (not with contact = "penalty"), or against = [...]',
+        )
+
+
+def _others(scenario: Tables, owner: Mapping[str, int], name: str) -> str:
+    """The groups that do not step together with one."""
+    found = [group.name for group in scenario.groups if owner[group.name] != owner[name]]
+    return ", ".join(found) or "a group that does not act on it"
 
 
 def _together(scenario: Tables) -> list[set[str]]:

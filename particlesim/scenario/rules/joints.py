@@ -88,7 +88,7 @@ def pairs(scenario: Tables) -> Iterator[Invalid]:
                         f"{name!r} has no particle {pair[end]}",
                         (*here, "pairs", j, end),
                         (((*path, "layout"), f"{number} particles"),),
-                        allowed=f"0 to {number - 1}",
+                        allowed=f"0 to {number - 1}" if number > 1 else "0",
                     )
 
     for place, hinges in _hinge_tables(scenario):
@@ -101,7 +101,7 @@ def pairs(scenario: Tables) -> Iterator[Invalid]:
                         f"{hinges.on!r} has no particle {index}",
                         (*place, hinges.key, j, end),
                         (((*path, "layout"), f"{number} particles"),),
-                        allowed=f"0 to {number - 1}",
+                        allowed=f"0 to {number - 1}" if number > 1 else "0",
                     )
 
 

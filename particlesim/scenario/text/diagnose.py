@@ -16,7 +16,6 @@ from pydantic_core import ErrorDetails
 
 from particlesim.errors import Diagnostic, Label, ScenarioError, Span
 from particlesim.model.mistakes import CROSS_FIELD_ERROR, Invalid
-from particlesim.model.units import shown
 from particlesim.scenario.text import typewalk
 from particlesim.scenario.text import wording as messages
 from particlesim.scenario.text.overrides import dotted_path
@@ -56,9 +55,9 @@ def diagnose(error: ValidationError, source: Source, model: type[BaseModel]) -> 
         elif address.union is not None:
             path, union, raw = address.union
             if not any(other[: len(path)] == path for other in explained):
-                words = Words(f"expected {typewalk.describe(union)}, got {shown(raw)}")
                 suggest = _suggest(path, model)
-                found.append(_placed(source, path, messages.for_union(union, raw, suggest) or words))
+                words = messages.for_union(union, raw, suggest) or messages.none_fits(union, raw)
+                found.append(_placed(source, path, words))
     return ScenarioError(_in_order(found))
 
 
@@ -142,7 +141,9 @@ def _diagnostic(address: _Address, entry: ErrorDetails, source: Source, model: t
     ):
         return _placed(source, address.path, point)
     suggest = _suggest(address.path, model)
-    return _placed(source, address.path, messages.plain(entry, address.kind, address.raw, suggest))
+    stated = None if address.parent is None else typewalk.child(address.parent, key, address.parent_raw)
+    words = messages.plain(entry, address.kind, address.raw, suggest, stated)
+    return _placed(source, address.path, words)
 
 
 def _invalid(source: Source, base: KeyPath, mistake: Invalid) -> Diagnostic:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
+from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from particlesim.model.base import Line, Name, Prose
@@ -84,29 +85,42 @@ def for_union(union: Node, raw: Any, suggest: Suggest) -> Words | None:
         return Words(f"expected {typewalk.describe(union)}, got {shown(raw)}", None, hint)
     words = [str(value) for value in _literals(union)]
     if isinstance(raw, str) and words:
-        return Words(f"expected {typewalk.describe(union)}, got {shown(raw)}", None, suggest(raw, words))
+        return Words(
+            f"expected {typewalk.describe(union)}, got {shown(raw)}", _parts(union), suggest(raw, words)
+        )
     return None
+
+
+def none_fits(union: Node, raw: Any) -> Words:
+    """What to say when no branch of `union` fits, and nothing is known of what was meant."""
+    return Words(f"expected {typewalk.describe(union)}, got {shown(raw)}", _parts(union))
 
 
 def wrong_length(kind: Node | None, raw: Any) -> Words:
     """A list of the wrong length."""
     arguments = get_args(kind.annotation) if kind is not None else ()
-    return Words(f"expected {len(arguments)} elements, got {len(raw)}")
+    return Words(f"expected {len(arguments)} elements, got {len(raw)}", None if kind is None else _form(kind))
 
 
-def plain(entry: ErrorDetails, kind: Node | None, raw: Any, suggest: Suggest) -> Words:
-    """Any other error, by its type."""
+def plain(
+    entry: ErrorDetails, kind: Node | None, raw: Any, suggest: Suggest, stated: Node | None = None
+) -> Words:
+    """Any other error, by its type. `kind` is what was meant, `stated` all that may stand there."""
     code, context = entry["type"], entry.get("ctx", {})
     if code in _LIMITS:
         return _beyond_limit(code, context, kind, raw)
     if code == QUANTITY_ERROR:
-        return Words(str(context["message"]), _limits(kind))
+        said = str(context["message"])  # which has an example, but for numbers that are not finite
+        return Words(said, _limits(kind) or (_form(kind) if said.startswith("must be finite") else None))
     if code == "literal_error" and kind is not None:
         known = _literals(kind)
         hint = suggest(raw, map(str, known)) if isinstance(raw, str) else None
-        return Words(f"unknown value {shown(raw)}", _quoted(known), hint)
+        others = (
+            stated is not None and stated.is_union and len(_literals(stated)) < len(typewalk.branches(stated))
+        )
+        return Words(f"unknown value {shown(raw)}", _form(stated) if others else _quoted(known), hint)
     if code in _BY_CODE:
-        return Words(_BY_CODE[code](context, raw), _limits(kind), _advice(code, kind, raw))
+        return Words(_BY_CODE[code](context, raw), _limits(kind) or _form(kind), _advice(code, kind, raw))
     if code == "string_pattern_mismatch":
         pattern = str(context["pattern"])
         return Words(f"{shown(raw)} has characters that may not stand here", _PATTERNS.get(pattern, pattern))
@@ -162,10 +176,57 @@ def _allowed(kind: Node | None) -> str | None:
         return None
     if (limits := _limits(kind)) is not None:
         return limits
+    if kind.is_list or kind.model is not None:
+        return _form(kind)
     words = typewalk.describe(kind)
     if kind.unit is not None and kind.unit.symbol:
         return f"{words}, in {kind.unit.symbol}"
     return None if words == "another value" else words
+
+
+def _form(kind: Node | None) -> str | None:
+    """What tables and lists are made of, and quantities without limits: 'a list of 3, each one a length, in m', 'a table
+    with axis, angle'; None where the message has said it all."""
+    if kind is None or kind.origin is Literal:
+        return None
+    if kind.is_union:
+        words = [
+            _form(each) or typewalk.describe(each)
+            for each in typewalk.branches(kind)
+            if not typewalk.tags(each)
+        ]
+        if typewalk.tags(kind):
+            words.append(
+                f"a table with {typewalk.tag_key(kind)} = {_any_of(_quoted([each]) for each in typewalk.tags(kind))}"
+            )
+        return "; or ".join(dict.fromkeys(words))
+    if kind.model is not None:
+        return f"a table with {_keys(kind.model)}"
+    if kind.is_list:
+        element = typewalk.child(kind, 0, ())
+        each = None if element is None else _limits(element) or _form(element) or typewalk.describe(element)
+        return typewalk.describe(kind) + (f", each one {each}" if each and each != "another value" else "")
+    return _allowed(kind) if kind.unit is not None and kind.unit.symbol else None
+
+
+def _parts(union: Node) -> str | None:
+    """What the tables and lists among some alternatives are made of, where no type tells that."""
+    plain = [branch for branch in typewalk.branches(union) if not typewalk.tags(branch)]
+    return _form(union) if any(each.model is not None or each.is_list for each in plain) else None
+
+
+def _keys(model: type[BaseModel]) -> str:
+    """The keys of a table: those that it needs, and those that it may have."""
+    known = typewalk.fields(model)
+    needed = [key for key, info in known.items() if info.is_required()]
+    others = [key for key in known if key not in needed]
+    return ", ".join(needed) + (", and if need be " if needed and others else "") + ", ".join(others)
+
+
+def _any_of(words: Iterable[str]) -> str:
+    """Alternatives in a sentence."""
+    *some, last = words
+    return f"{', '.join(some)} or {last}" if some else last
 
 
 def _literals(kind: Node) -> list[Any]:
