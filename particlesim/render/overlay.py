@@ -38,8 +38,10 @@ class Overlay:
         groups: tuple[str, ...],
         title: str,
         count: int,
+        longest: float = 0.0,
     ) -> None:
         width, height = settings.size
+        self.longest = longest
         self.ink = (28, 32, 40) if is_light(settings) else (236, 240, 246)
         self.size = max(round(height / 40), 11)
         self.margin = max(round(height / 27), 6)
@@ -81,7 +83,7 @@ class Overlay:
         for top, left, part in self.parts:
             _blend(picture, part, top, left)
         if self.shown:
-            label = self._colored(text_mask(f"t = {format_time(time)}", self.size), 0.85)
+            label = self._colored(text_mask(f"t = {format_time(time, self.longest)}", self.size), 0.85)
             _blend(picture, label, self.margin + self.title_height, self.margin)
 
     def _colored(self, mask: npt.NDArray[np.uint8], opacity: float = 1.0) -> npt.NDArray[np.uint8]:
@@ -102,8 +104,11 @@ class Overlay:
         self, coloring: Coloring, span: tuple[float, float], palette: Array, width: int
     ) -> npt.NDArray[np.uint8]:
         """Name and unit, the colour bar, ticks at round values."""
+        unit = coloring.unit
+        if unit.split("/")[0] == "m" and max(map(abs, span)) < 0.01:
+            unit, span = f"m{unit}", (1e3 * span[0], 1e3 * span[1])  # 3 mm are read more easily than 3·10⁻³ m
         low, high = span
-        name = text_mask(coloring.name + (f"  [{coloring.unit}]" if coloring.unit else ""), self.size)
+        name = text_mask(coloring.name + (f"  [{unit}]" if unit else ""), self.size)
         labels = self._labels(low, high, width)
         thick, gap = max(self.size // 2, 5), max(self.size // 4, 2)
         side = max([m.shape[1] for _, m in labels], default=0) // 2 + 1
@@ -194,18 +199,21 @@ def _blend(picture: npt.NDArray[np.uint8], part: npt.NDArray[np.uint8], top: int
     area[:] = ((area * (255 - alpha) + part[..., :3] * alpha + 127) // 255).astype(np.uint8)
 
 
-_TIMES = ((31_557_600.0, "a"), (86_400.0, "d"), (1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
+_TIMES = (
+    *((31_557_600.0, "a"), (86_400.0, "d"), (1.0, "s"), (1e-3, "ms")),
+    *((1e-6, "us"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs")),
+)
+_LEAST = {"a": 3.0, "d": 10.0}
+"""How many of a unit a film lasts at least to be told in it; a tenth of the others."""
 
 
-def format_time(seconds: float) -> str:
-    """Time with a fitting unit and a fixed number of decimals, so that the label does not jump."""
-    size = abs(seconds)
-    if size >= 10 * 86_400.0:
-        unit, name = _TIMES[0] if size >= 3 * 31_557_600.0 else _TIMES[1]
-        return f"{seconds / unit:.2f} {name}"
-    if size == 0 or size >= 0.01:
-        return f"{seconds:.2f} s"
-    return f"{seconds:.3g} s"
+def format_time(seconds: float, longest: float = 0.0) -> str:
+    """Time with a fixed number of decimals, in a unit that fits the `longest` of a film, so that the label does not
+    jump."""
+    size = max(abs(seconds), longest)
+    fitting = (each for each in _TIMES if size >= _LEAST.get(each[1], 0.1) * each[0] * (1 - 1e-9))
+    unit, name = next(fitting, _TIMES[2] if size == 0 else _TIMES[-1])
+    return f"{seconds / unit:.2f} {name}"
 
 
 def round_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:

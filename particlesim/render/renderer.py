@@ -134,7 +134,10 @@ class Renderer:
         self._has_groups = "group" in source.fields
         self._group_paint = np.array([self.paint.get(name, -1) for name in groups])
         self._sheer = self._seen_through()
-        self.overlay = Overlay(settings, self.coloring, self.range, srgb, groups, title, self.scene.count)
+        longest = float(np.abs(source.times).max(initial=0.0))
+        self.overlay = Overlay(
+            settings, self.coloring, self.range, srgb, groups, title, self.scene.count, longest
+        )
         self.curve = tone_curve()
         wanted = settings.trails
         few = self.scene.count <= AUTOMATIC and len(source) > 1 and not self.bodies

@@ -227,8 +227,16 @@ def test_ticks_are_round_and_inside(low, high, labels):
 def test_times_are_readable():
     assert format_time(1.25) == "1.25 s"
     assert format_time(0) == "0.00 s"
-    assert format_time(2e-6) == "2e-06 s"
+    assert format_time(2e-6) == "2.00 us"
     assert format_time(40 * 86400) == "40.00 d"
+    assert format_time(1e-30) == "0.00 fs"
+
+
+def test_a_film_keeps_one_unit_of_time():
+    assert [format_time(t, 12e-3) for t in (0, 3e-3, 12e-3)] == ["0.00 ms", "3.00 ms", "12.00 ms"]
+    assert [format_time(t, 9.0) for t in (0, 0.004, 9.0)] == ["0.00 s", "0.00 s", "9.00 s"]
+    assert format_time(86_400.0, 730 * 86_400.0) == "1.00 d"
+    assert format_time(0.3e-12, 12e-12) == "0.30 ps"
 
 
 def test_text_sets_superscripts_small_and_high():
