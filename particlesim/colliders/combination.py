@@ -23,7 +23,7 @@ from particlesim.colliders.gaps import gaps_of
 from particlesim.colliders.half_space import HalfSpace
 from particlesim.colliders.solid import GRAIN, PARTS, HollowConvexRecord, HollowRecord, Solid, SolidCollider
 from particlesim.colliders.triangulation import Triangles, clipped, joined, without_slivers
-from particlesim.colliders.way import lipschitz_apart, marched_contact
+from particlesim.colliders.way import convex_apart, convex_contact, lipschitz_apart, marched_contact
 from particlesim.laws.registry import (
     Particle,
     Vector,
@@ -469,11 +469,13 @@ def union_first_contact(c: UnionRecord, p: Particle, q: Particle, h: float, slac
 def intersection_apart(c: IntersectionRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
     # what misses one part misses the intersection
     one = any(tuple(apart(part, p, q, h, slack) for part in c.parts))
-    return one | lipschitz_apart(c, p, q, h, slack)
+    return one | (convex_apart if bend(c) > 0 else lipschitz_apart)(c, p, q, h, slack)
 
 
 @law(first_contact, IntersectionRecord)
 def intersection_first_contact(
     c: IntersectionRecord, p: Particle, q: Particle, h: float, slack: float
 ) -> float:
+    if bend(c) > 0:  # what convex solids have in common is convex, however thin it is
+        return convex_contact(c, p, q, h, slack)
     return marched_contact(c, p, q, h, slack, c.grain)

@@ -96,3 +96,33 @@ def test_what_cannot_be_put_together_is_refused(kind: str, of: list[dict[str, An
                 colliders=[{"type": kind, "of": of}],
             )
         )
+
+
+@pytest.mark.parametrize("thick", [1e-3, 1e-6, 1e-9])
+def test_no_point_passes_what_convex_solids_have_in_common_however_thin_it_is(thick: float) -> None:
+    """Points had passed what is thinner than 10⁻⁴ of the least length of the parts."""
+    over = [0, -thick, 0]
+    places, _ = way(
+        40,
+        0.04,
+        1e-3,
+        "velocity_verlet",
+        particles=[
+            points(
+                *((0.013 + 0.11 * k, 0.5 + 0.013 * k, 0.007 * k) for k in range(8)), velocity=[[0, -1000, 0]]
+            )
+        ],
+        forces=[{"type": "gravity"}],
+        colliders=[
+            {
+                "type": "intersection",
+                "of": [
+                    {"type": "box", "size": [2, 0.2, 2], "center": [0, -0.1, 0]},
+                    {"type": "cylinder", "start": over, "end": [0, 1, 0], "radius": 3.0},
+                ],
+                "restitution": 0.3,
+            }
+        ],
+    )
+    assert (places[:, :, 1] > -1e-9).all()
+    assert (places[-1, :, 1] > 1).all()
