@@ -99,7 +99,7 @@ def _seen_at_once(scenario: Scenario) -> tuple[str, ...]:
         return ()
     from particlesim.compiler import NotKept, much, uncompiled
     from particlesim.engine.world import World
-    from particlesim.runs.validity import outside_of_box
+    from particlesim.runs.first_state import outside_of_box
 
     with uncompiled(), much(True):
         try:
@@ -115,7 +115,7 @@ def _first_look(scenario: Scenario, particles: int) -> tuple[Stability, tuple[st
     from particlesim.compiler import much, uncompiled
     from particlesim.engine.stability.limits import stability
     from particlesim.engine.world import World
-    from particlesim.runs.validity import doubtful
+    from particlesim.runs.first_state import doubtful
 
     crowded = scenario.interactions and particles > MOST_IN_PYTHON
     with uncompiled(), much(bool(crowded)):

@@ -22,18 +22,13 @@ from particlesim.preflight.jumps import jumps
 from particlesim.preflight.resources import check_fits, needs
 from particlesim.process.signals import held_signals
 from particlesim.runs.checks import Checks
+from particlesim.runs.first_state import doubtful
 from particlesim.runs.frames import frame_of
 from particlesim.runs.loop import Course
 from particlesim.runs.references import bless as give_blessing
 from particlesim.runs.references import check_references
 from particlesim.runs.result import Progress, Result, recorded_result
-from particlesim.runs.validity import (
-    check_ledger,
-    check_stored,
-    doubtful,
-    exhausted,
-    missed,
-)
+from particlesim.runs.validity import check_ledger, check_stored, exhausted, missed
 from particlesim.scenario.load import load
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.places import check_name_length

@@ -10,20 +10,14 @@ from typing import Any
 import numpy as np
 
 from particlesim.colliders import Collider
-from particlesim.colliders.content import files_in
-from particlesim.colliders.mesh import told_of_flat
-from particlesim.colliders.solid import Solid
-from particlesim.engine.diagnosis.crowding import crowded, crowded_births
 from particlesim.engine.diagnosis.haste import Haste, haste
-from particlesim.engine.diagnosis.overlaps import Caught, caught, no_room, overlaps
-from particlesim.engine.diagnosis.slits import slits
-from particlesim.engine.islands.base import Intrusion
+from particlesim.engine.diagnosis.overlaps import Caught, caught
 from particlesim.engine.simulation import Simulation
-from particlesim.engine.stability.limits import double_advised, remedy
+from particlesim.engine.stability.limits import double_advised
 from particlesim.engine.step.following import MAX_IMPACTS
 from particlesim.engine.world import World
 from particlesim.errors import UsageError
-from particlesim.scenario.reach import acts_on, collider_tables, held_back, interacting, meetings_of
+from particlesim.scenario.reach import acts_on, collider_tables, interacting
 from particlesim.scenario.scenario import Scenario
 
 FASTEST = 4
@@ -80,153 +74,10 @@ def _extremes(world: World) -> str:
     return f"coordinates are up to {max(far):.3g} m, velocities up to {max(fast):.3g} m/s"
 
 
-def doubtful(world: World) -> tuple[str, ...]:
-    """A sentence for everything in the first state that is doubtful."""
-    return (
-        *misplaced(world),
-        *embedded(world),
-        *squeezed(world),
-        *(_coarse_told(label, *each, "at the start") for label, each in coarse(world).items()),
-        *(_haste_told(label, each, "at the start") for label, each in haste(world).items()),
-        *stiff(world),
-        *knotted(world),
-        *slits(world),
-        *too_thin(world),
-        *flat_triangles(world.scenario),
-        *shapes_of_bodies(world.scenario),
-    )
-
-
-def misplaced(world: World) -> tuple[str, ...]:
-    """A sentence for every group and collider with particles that are inside of it at the start, and for every group with
-    particles that are outside of a periodic box."""
-    found = outside_of_box(world)
-    for island, structure in zip(world.islands, world.graph.islands, strict=True):
-        if intrusions := island.intrusions():
-            found.append(_intruding(world, intrusions))
-        crammed = island.crammed() if intrusions else None
-        if crammed is not None and not isinstance(crammed.other, tuple):
-            (name, number), where = crammed.body, _called(world, crammed.other)
-            found.append(
-                f"body {number} of {name!r} does not fit into {where} in its orientation: contact moves it from one side "
-                "to the other in every step"
-            )
-        looked: set[tuple[str, int]] = (
-            set()
-        )  # no room is told of a particle once, however many colliders it is in
-        for overlap in overlaps(island, structure):
-            state = overlap.state
-            found.append(
-                f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside "
-                f"{_called(world, overlap.collider)}, the deepest (id {state.id[overlap.deepest]}) by {overlap.depth:.3g} "
-                "m: the first step puts them on its surface, which changes their energy"
-            )
-            if (state.name, overlap.deepest) in looked:
-                continue
-            looked.add((state.name, overlap.deepest))
-            held = structure.colliders[island.states.index(state)]
-            if (walls := no_room(overlap, [each for each in held if each.contact == "bounce"])) is not None:
-                one, other = (_called(world, each) for each in walls)
-                where = f"into {one}" if one == other else f"between {one} and {other}"
-                found.append(
-                    f"particle {state.id[overlap.deepest]} of {state.name!r}, with a radius of "
-                    f"{state.radius[overlap.deepest]:.3g} m, does not fit {where}: contact moves it from one side to the "
-                    "other in every step"
-                )
-    return tuple(dict.fromkeys(found))
-
-
-def _called(world: World, collider: Collider) -> str:
+def called(world: World, collider: Collider) -> str:
     """What messages call a collider."""
     where = next(path for path, each in collider_tables(world.scenario) if each is collider)
     return f"{collider.kind} {collider.name or '.'.join(map(str, where))}"
-
-
-def outside_of_box(world: World) -> list[str]:
-    """Which groups have particles outside of the periodic box."""
-    box = world.scenario.simulation.box
-    if box is None:
-        return []
-    axes = np.flatnonzero(box.periodic)
-    low = np.array(box.origin)[axes, None]
-    high = low + np.array(box.size)[axes, None]
-    found = []
-    for state in world.states:
-        x = state.x[axes, : state.count]
-        if number := int(((x < low) | (x > high)).any(axis=0).sum()):
-            found.append(
-                f"{number:,} of {state.count:,} particles of {state.name!r} start outside of the periodic box: their "
-                "images inside of it are used"
-            )
-    return found
-
-
-def _intruding(world: World, intrusions: list[Intrusion]) -> str:
-    """What bodies are inside of at the start, and how deep."""
-    (name, number), other, depth = intrusions[0]
-    what = f"body {other[1]} of {other[0]!r}" if isinstance(other, tuple) else _called(world, other)
-    pairs = f"{len(intrusions):,} pairs overlap" if len(intrusions) > 1 else "one pair overlaps"
-    return (
-        f"rigid bodies start inside of others: {pairs}, the deepest of them body {number} of {name!r} and {what} by "
-        f"{depth:.3g} m; the first steps push them apart, which may change their energy"
-    )
-
-
-def embedded(world: World) -> tuple[str, ...]:
-    """A sentence for every group with particles that begin inside of rigid bodies which they touch."""
-    if not (meetings := meetings_of(world.scenario)):
-        return ()
-    from particlesim.engine.diagnosis.embedding import embedding
-
-    found = []
-    for each in meetings:
-        number, deepest, body, depth = embedding(world, each.particles, each.bodies)
-        if number:
-            what, begin = ("particle", "begins") if number == 1 else ("particles", "begin")
-            found.append(
-                f"{each.label}: {number:,} {what} of {each.particles!r} {begin} inside of rigid bodies, the deepest "
-                f"(id {deepest}) in body {body} of {each.bodies!r} by {depth:.3g} m; the first steps push them apart, which "
-                "may change their energy"
-            )
-    return tuple(found)
-
-
-def stiff(world: World) -> tuple[str, ...]:
-    """A sentence where steps are too long for springs at rigid bodies."""
-    dt = world.grid.dt
-    limits = (island.longest_step() for island in world.islands)
-    return tuple(
-        f"dt = {dt:.6g} s is beyond the largest stable step under springs at rigid bodies, {limit:.3g} s: "
-        f"{remedy(limit, limited=True)}"
-        for limit in limits
-        if dt > limit
-    )
-
-
-def squeezed(world: World) -> tuple[str, ...]:
-    """A sentence for every interaction by contact with particles that overlap each other at the start, or did, or will when
-    they are born."""
-    apart = [
-        f"{each.label}: {_pairs(each.number)} overlapped at the start, the deepest by {each.depth:.3g} m: they have been "
-        f"moved apart, by up to {each.way:.3g} m"
-        + (f", and overlap by up to {each.left:.3g} m still, as there is no room" if each.cramped else "")
-        + '; overlap = "keep" leaves them where they are'
-        for each in world.separations
-    ]
-    known = {each.label for each in world.separations}
-    found = [
-        f"{each.label}: {_pairs(each.number)} overlap at the start, the deepest (ids {each.ids[0]} and {each.ids[1]}) by "
-        f"{each.depth:.3g} m; they move apart"
-        for each in crowded(world)
-        if each.label not in known
-    ]
-    births = [
-        f"{each.label}: {each.number} of the first {each.looked_at} particles of {each.emitter!r} are born in others, up to "
-        f"{each.depth:.2g} of a radius deep, unless something else moves these away: soft contacts throw them apart; a "
-        "larger shape, a lower rate or more speed lets them be born apart"
-        for each in crowded_births(world)
-    ]
-    return (*apart, *found, *births)
 
 
 COARSE = 1e-3
@@ -253,7 +104,7 @@ def coarse(world: World) -> dict[str, tuple[float, float, str]]:
     return found
 
 
-def _coarse_told(label: str, step: float, length: float, precision: str, when: str) -> str:
+def coarse_told(label: str, step: float, length: float, precision: str, when: str) -> str:
     better = ', or precision = "double"' if precision == "single" else ""
     return (
         f"{label}: {when} particles are so far from the origin that positions are rounded by {step:.2g} m, and the "
@@ -261,103 +112,10 @@ def _coarse_told(label: str, step: float, length: float, precision: str, when: s
     )
 
 
-THINNEST = 64
-"""The thickness of shapes, in steps between two numbers at a place, from which on contact knows their sides for sure."""
-
-
-def too_thin(world: World) -> tuple[str, ...]:
-    """A sentence for every shape so thin that places are rounded to a part of it and of what touches it.
-
-    Single precision keeps places in steps of ε |x|. On its way in a step a particle is looked at in double precision, where
-    gaps below 16 ε times its coordinates, the size of all colliders, and how far it moves in two steps are rounding.
-    """
-    scenario, found = world.scenario, []
-    precision, tables = scenario.simulation.precision, [each for _, each in collider_tables(scenario)]
-    states = [state for state in world.states if state.count]
-    places = [np.abs(state.x[:, : state.count]) for state in states]
-    speeds = [np.abs(state.v[:, : state.count]) for state in states]
-    far = max((float(x.max()) for x in places), default=0.0)
-    size = max((float(x.sum(axis=0).max()) for x in places), default=0.0)
-    way = 2 * scenario.grid.dt * max((float(v.sum(axis=0).max()) for v in speeds), default=0.0)
-    size += way + max((each.reach() for each in tables), default=0.0)
-    for collider in tables:
-        thickness = (
-            collider.waist()
-            if isinstance(collider, Solid) and not getattr(collider, "inside", False)
-            else np.inf
-        )
-        touching = [group.least_size() for group in scenario.groups if held_back(collider, (group.name,))]
-        if not touching or not np.isfinite(thickness):
-            continue
-        radius = min(0.0 if each is None else each[1] for each in touching)
-        step = max(
-            float(np.finfo(precision).eps) * max(far, float(np.abs(collider.pivot()).max())),
-            float(np.finfo(float).eps) * size,
-        )
-        if thickness + 2 * radius < THINNEST * step:
-            better = ', or precision = "double"' if precision == "single" else ""
-            found.append(
-                f"{_called(world, collider)} is {thickness:.3g} m thick, and positions there are rounded by {step:.2g} m: "
-                f"what touches it may pass. Make it {THINNEST * step:.2g} m thick at least{better}"
-            )
-    return tuple(found)
-
-
-def _haste_told(label: str, each: Haste, when: str) -> str:
+def haste_told(label: str, each: Haste, when: str) -> str:
     return (
         f"{label}: {when} particles move by up to {each.way:.3g} m in a step past others, which is more than their radii "
         f"together, {each.size:.3g} m: they may pass through each other; dt = {each.step:.2g} s lets them touch"
-    )
-
-
-def _pairs(number: int) -> str:
-    return f"{number:,} pair{'s' if number > 1 else ''} of particles"
-
-
-def knotted(world: World) -> tuple[str, ...]:
-    """A sentence for every contact of surfaces and strands that cross, or are too close, at the start."""
-    if not any(island.interactions for island in world.islands):
-        return ()
-    from particlesim.engine.diagnosis.tangles import tangled
-
-    found = []
-    for each in tangled(world):
-        what, alone = " and ".join(dict.fromkeys(map(repr, each.groups))), each.groups[0] == each.groups[1]
-        number = each.crossing or each.close
-        places = f"{number:,} place{'s' if number > 1 else ''}"
-        if each.crossing:
-            found.append(
-                f"{each.label}: {what} cross{'es itself' if alone else ''} at the start in {places}, the first near "
-                f"{_place(each.place)}: they stay crossed, as contacts keep everything on the side on which it begins"
-            )
-        else:
-            found.append(
-                f"{each.label}: {what} touch{'es itself' if alone else ''} at the start in {places}, near "
-                f"{_place(each.narrow)} {each.distance:.3g} m apart instead of {each.thickness:.3g} m, the sum of "
-                "the radii; they move apart. Next to each other in a mesh this needs smaller radii, or fewer particles"
-            )
-    return tuple(found)
-
-
-def _place(x: Any) -> str:
-    """A place in words [m]."""
-    return f"({', '.join(f'{each:.3g}' for each in x)}) m"
-
-
-def flat_triangles(scenario: Scenario) -> tuple[str, ...]:
-    """A sentence for every mesh that particles collide with some of whose triangles have no area."""
-    return tuple(
-        told_of_flat(solid.path, solid.dropped)
-        for collider in scenario.colliders
-        for _, solid in files_in(collider)
-        if solid.dropped
-    )
-
-
-def shapes_of_bodies(scenario: Scenario) -> tuple[str, ...]:
-    """What there is to tell of the shapes of rigid bodies."""
-    return tuple(
-        f"bodies {body.name!r}: {remark}" for body in scenario.bodies for remark in body.shape.remarks()
     )
 
 
@@ -440,7 +198,7 @@ class Watch:
             self._hasty.setdefault(label, (found, world.time))
         for island, structure in zip(world.islands, world.graph.islands, strict=True):
             for held in caught(island, structure, world.time, partial(self._told, world)):
-                one, other = (_called(world, wall) for wall in held.between)
+                one, other = (called(world, wall) for wall in held.between)
                 told = _caught_told(held, one, other), held.group, one, other, world.time
                 self._caught[f"{held.group} {one} {other}"] = told
         for label, force in self._laws:
@@ -457,7 +215,7 @@ class Watch:
         """Whether it is known that a collider leaves particles of a group no room; at the start that is told before."""
         if world.time == 0:
             return True
-        name = _called(world, collider)
+        name = called(world, collider)
         return any(group == each and name in (one, other) for _, each, one, other, _ in self._caught.values())
 
     def overflowed(self, field: str, time: float) -> None:
@@ -495,12 +253,12 @@ class Watch:
         )
         laws = dict(self._laws)
         rounded = tuple(
-            _coarse_told(label, step, length, precision, f"from t = {time:.6g} s on")
+            coarse_told(label, step, length, precision, f"from t = {time:.6g} s on")
             for label, (step, length, precision, time) in self._coarse.items()
             if time > 0
         )
         passed = tuple(
-            _haste_told(label, each, f"from t = {time:.6g} s on")
+            haste_told(label, each, f"from t = {time:.6g} s on")
             for label, (each, time) in self._hasty.items()
             if time > 0
         )

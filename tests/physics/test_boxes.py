@@ -15,7 +15,7 @@ from particlesim.engine.simulation import Simulation
 from particlesim.errors import ScenarioError, UsageError
 from particlesim.interactions.lennard_jones import LennardJones
 from particlesim.laws.pair import Pair, pair_force, pair_potential
-from particlesim.runs.validity import misplaced
+from particlesim.runs.first_state import misplaced
 from particlesim.trajectory.box import in_period
 
 EPS = 2.0**-52

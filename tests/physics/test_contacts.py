@@ -19,7 +19,7 @@ from particlesim.engine.world import World
 from particlesim.laws.contact import touch
 from particlesim.laws.pair import Pair
 from particlesim.process.preparing import told_of_preparing
-from particlesim.runs.validity import doubtful, outside_of_box
+from particlesim.runs.first_state import doubtful, outside_of_box
 from particlesim.scenario.box import PeriodicBox
 
 R, M = 0.05, 0.1

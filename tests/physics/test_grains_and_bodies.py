@@ -15,7 +15,7 @@ from particlesim.engine.interactions.neighbours.record import BUILDS
 from particlesim.engine.simulation import RENEWAL, Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
-from particlesim.runs.validity import embedded
+from particlesim.runs.first_state import embedded
 
 BOX = {"type": "box", "size": [0.4, 0.2, 0.6]}
 TOUCH = {"type": "contact", "between": ["grains", "body"], "restitution": 1.0}

@@ -17,7 +17,7 @@ from particlesim.engine.rigid.rotation import matrix
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
-from particlesim.runs.validity import stiff
+from particlesim.runs.first_state import stiff
 from particlesim.scenario.dump import dump
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from particlesim.engine.rigid.rolling import Rolling, radius
 from particlesim.engine.rigid.rotation import matrix
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.world import World
-from particlesim.runs.validity import misplaced
+from particlesim.runs.first_state import misplaced
 from particlesim.scenario.dump import dump
 
 Array = NDArray[np.float64]

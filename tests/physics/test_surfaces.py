@@ -20,7 +20,7 @@ from particlesim.engine.shadow import swing
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.stability.limits import stability
-from particlesim.runs.validity import knotted
+from particlesim.runs.first_state import knotted
 
 THIN = 0.012
 TOUCH = {"type": "contact", "restitution": 0.0, "friction": 0.3}

@@ -18,7 +18,7 @@ from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
 from particlesim.engine.world import World
 from particlesim.errors import ScenarioError, UsageError
-from particlesim.runs.validity import stiff
+from particlesim.runs.first_state import stiff
 
 BALL = {"name": "ball", "shape": {"type": "sphere", "radius": 0.1}, "mass": 2.0}
 

@@ -14,7 +14,7 @@ import particlesim as ps
 from particlesim.compiler import uncompiled
 from particlesim.engine.world import World
 from particlesim.preflight.advice import advice
-from particlesim.runs.validity import doubtful, misplaced
+from particlesim.runs.first_state import doubtful, misplaced
 
 GRAIN = {"particles": [points((0, 5, 0), name="grain", radius=0.05)]}
 MIDDLE = {"of": [{"type": "sphere", "radius": 1.0}]}
