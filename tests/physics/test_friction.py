@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import EPS, G, points, simulate
+from simulate import EPS, G, points, simulate, table
 from support import careful, columns, position, program, run, velocity
 
 import particlesim as ps
 from particlesim.colliders import SphereCollider
 from particlesim.colliders.friction import Friction
+from particlesim.engine.simulation import Simulation
 from particlesim.forces import Gravity
 
 GRAVITY = [{"type": "gravity"}]
@@ -452,3 +453,46 @@ def test_friction_acts_evenly_in_single_precision_on_what_is_large(shape: str) -
     speed = np.sqrt(2 * ended.ledger["kinetic"])
     pull = 0.5 * 9.80665
     assert np.abs(speed - pull * ended.times).max() <= 1.01 * pull * 1e-4 + 700 * 2.0**-24
+
+
+RESTS: dict[str, tuple[dict[str, Any], tuple[float, float, float]]] = {
+    "on a box": ({"type": "box", "center": [0, -1, 0], "size": [8, 2, 8]}, (0.3, 0.01, -0.7)),
+    "in a box": ({"type": "box", "inside": True, "center": [0, 4, 0], "size": [8, 8, 8]}, (0.3, 0.01, -0.7)),
+    "on a cylinder": (
+        {"type": "cylinder", "start": [0, -1, 0], "end": [0, 0, 0], "radius": 3},
+        (0.3, 0.01, -0.7),
+    ),
+    "on a slope": (
+        {"type": "box", "size": [8, 2, 8], "orientation": {"axis": [0, 0, 1], "angle": 10}, "friction": 0.5},
+        (0.3, 1.1, -0.7),
+    ),
+    "in a bowl": (
+        {"type": "sphere", "inside": True, "center": [0, 3, 0], "radius": 3, "friction": 0.5},
+        (0.3, 0.02, -0.2),
+    ),
+    "on a dome": ({"type": "sphere", "center": [0, -3, 0], "radius": 3, "friction": 0.5}, (0.3, 0.0, -0.2)),
+}
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("where", RESTS)
+def test_what_rests_stays_to_the_last_bit(where: str, precision: str) -> None:
+    """Places had gone to and fro by a rounding error on a box, where each step was looked at anew: four times the cost."""
+    collider, x = RESTS[where]
+    scenario = table(
+        1.6,
+        1e-3,
+        particles=[points(x, mass=1.0, radius=0.0)],
+        forces=[{"type": "gravity"}],
+        colliders=[{**collider, "restitution": 0.2}],
+    )
+    scenario["simulation"]["precision"] = precision
+    simulation = Simulation(ps.from_table(scenario))
+    simulation.advance_to(1500)
+    state = simulation.states[0]
+    start = state.x[:, 0].copy()
+    for step in (1501, 1502, 1505, 1600):
+        simulation.advance_to(step)
+        assert (state.v[:, 0] == 0).all()
+        assert (state.x[:, 0] == start).all()
+    simulation.close()

@@ -66,7 +66,17 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     calm &= not inside(contacts.continuous + contacts.discrete, on + nowhere(contacts.discrete), r, alone)
     if any(crossable(c) for c in contacts.continuous):
         calm &= all_apart(contacts.continuous, on, straight(p, r, h), r, h, farther(contacts, p, r), alone)
-    return r, calm
+    return unmoved(contacts, p, r, slack), calm
+
+
+def unmoved(contacts: Any, p: Any, r: Any, slack: Any) -> Any:
+    """The end r of a step of what lies on colliders; where it began, at p, if only rounding has moved it. It would go to and
+    fro for ever by that, and no step would be the same as another (`repeats`)."""
+    if any(map(runs, contacts.continuous)) or isinstance(contacts, Simple):
+        return r
+    still = (p.vx == 0) & (p.vy == 0) & (p.vz == 0) & (r.vx == 0) & (r.vy == 0) & (r.vz == 0)
+    far = max(abs(r.x - p.x), abs(r.y - p.y), abs(r.z - p.z))
+    return chosen(still & (far <= slack), moved_to(r, p.x, p.y, p.z, r.vx, r.vy, r.vz, r.t), r)
 
 
 @outlined

@@ -18,6 +18,7 @@ from particlesim.compiler import exact, outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.contacts import Careful, Simple, rounding
 from particlesim.engine.step.program import Program
+from particlesim.engine.step.resting import bends
 from particlesim.laws.registry import PASS, gap, gap_and_normal, least_gap
 
 SURE = 1e-5
@@ -133,7 +134,7 @@ def repeats(contacts: Any, memory: Any) -> bool:
     particles or changes what their method remembers."""
     colliders = contacts.continuous + contacts.discrete
     still = not any(isinstance(c.shape, MovingRecord) or c.response.heard is not None for c in colliders)
-    slow = any(crossable(c) for c in contacts.continuous)
+    slow = any(crossable(c) or bends(c) for c in contacts.continuous)
     return slow and still and len(contacts.soft) == 0 and len(memory) == 0
 
 
