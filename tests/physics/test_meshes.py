@@ -207,6 +207,32 @@ def test_what_is_remembered_of_distances_and_rest_changes_no_bit() -> None:
     np.testing.assert_array_equal(ends[0], ends[2])
 
 
+@pytest.mark.parametrize("kick", [0.0, 1e-30, 0.5])
+def test_rest_that_is_remembered_from_frame_to_frame_changes_no_bit(kick: float, tmp_path: Path) -> None:
+    # Points that come to rest on a mesh are kicked between two frames, or not; that they rest is known from one interval to
+    # the next. Intervals of 100 steps, of 7, of 1.
+    trimesh.creation.box(extents=(4, 2, 4)).export(tmp_path / "cube.stl")
+    ends = []
+    for every in (100, 7, 1):
+        made = scenario(
+            tmp_path,
+            {"type": "mesh", "path": "cube.stl", "restitution": 0.2, "friction": 0.3},
+            simulation={"duration": 3.0, "dt": 0.01, "integrator": "velocity_verlet"},
+            output={"every": every, "precision": "double"},
+            particles=[
+                points(*((0.1 * k, 1.01 + 0.02 * k, 0.07 * k) for k in range(8)), name="points", mass=1.0)
+            ],
+            impulses=[{"at": 2.0, "impulse": [kick, 0, 0]}],
+        )
+        final = ps.run(made).final
+        ends.append(np.hstack([final.position, final.velocity]))
+    assert (ends[0][:, 3:] == 0).all()
+    assert (ends[0] == ends[1]).all()
+    assert (ends[0] == ends[2]).all()
+    way = kick**2 / (2 * 0.3 * G)
+    assert ends[0][:, 0] == pytest.approx(0.1 * np.arange(8) + way, abs=1e-9)
+
+
 def test_friction_holds_on_a_mesh_up_to_its_angle() -> None:
     # On the top of a cube at y = 0.5, with the pull turned by an angle: below atan μ nothing moves by a bit, above it
     # all slide by ½ g (sin θ − μ cos θ) t². In the middle of the run the pull turns, and what stood slides.

@@ -50,9 +50,11 @@ from particlesim.engine.step.clearance import (
     distance_of,
     foothold,
     holds,
+    keep_way,
     keeps_clear,
     leads_back,
     note_way,
+    recall_way,
     repeats,
     sets_aside,
     stands,
@@ -375,12 +377,14 @@ def step_range(
     block: Any,
     faults: Any,
     room: Any,
+    rested: Any = None,
 ) -> None:
     """Advance particles [first, last) by `steps` steps of dt, the first of which begins at first_step · dt.
 
     A block in which a number stops being finite is put back to its state at the beginning, and faults[k] is set for its
     first particle k, so that the caller can look for the step and the particle. `room` is that of `new_room` for these
-    columns and this block, one for every thread.
+    columns and this block, one for every thread; `rested` [14, n]: what is kept of every particle from one interval to the
+    next (`lasts`), None if nothing is.
     """
     kept, inverse = room.kept, room.inverse
     for lo in range(first, last, block):
@@ -393,6 +397,8 @@ def step_range(
             room.clear[i] = type_of(c.m[i], 0)
             room.foothold[3, i] = -type_of(c.m[i], 1)
             room.ways[6, i] = -np.inf
+            if rested is not None:
+                recall_way(room.ways, i, rested[:, lo : lo + n], c, first_step * dt)
         room.wait[0] = type_of(c.m[0], 0)
         born, gone = lifetimes(c.clock)
         for s in range(steps):
@@ -406,6 +412,9 @@ def step_range(
             drop = (c.x[i] - c.x[i]) + (c.y[i] - c.y[i]) + (c.z[i] - c.z[i])
             drop += (c.vx[i] - c.vx[i]) + (c.vy[i] - c.vy[i]) + (c.vz[i] - c.vz[i])
             broken |= drop != 0
+        if rested is not None:
+            for i in range(n):
+                keep_way(room.ways, i, rested[:, lo : lo + n], c, (first_step + steps) * dt)
         if broken:
             faults[lo] = True
             for i in range(n):

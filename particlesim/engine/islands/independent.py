@@ -20,6 +20,7 @@ from particlesim.engine.ledger.sums import sum_forces
 from particlesim.engine.ledger.work import unjolted
 from particlesim.engine.state.columns import Columns, block_of, changing, copied
 from particlesim.engine.state.group_state import Deaths, GroupState
+from particlesim.engine.step.clearance import RESTED, lasts
 from particlesim.engine.step.contacts import Simple
 from particlesim.engine.step.newton import unsolved
 from particlesim.engine.step.program import BLOCK, Program
@@ -59,6 +60,7 @@ class IndependentIsland(BaseIsland):
         self._booking = None if self.books is None else ParticleBooks(self.books, self.program.forces)
         self._room = BOOKED_TOGETHER
         self._rooms: dict[int, Room] = {}  # of every thread
+        self._rested: NDArray[np.float64] | None = None
 
     @property
     def state(self) -> GroupState:
@@ -108,6 +110,10 @@ class IndependentIsland(BaseIsland):
     def _move(self, opened: Opened | None, first: int, last: int, team: Team, faults: NDArray[Any]) -> None:
         """Steps first … last − 1 of all particles."""
         columns, number = self.columns()[0], self.state.count
+        if lasts(self.program.contacts, columns.memory) and (
+            self._rested is None or self._rested.shape[1] < number
+        ):
+            self._rested = np.full((RESTED, self.state.x.shape[1]), np.nan)
         if opened is not None and self._adaptive:
             for a in range(0, number, BOOKED_TOGETHER):
                 self._move_booked(opened, columns, first, slice(a, min(a + BOOKED_TOGETHER, number)), faults)
@@ -197,7 +203,8 @@ class IndependentIsland(BaseIsland):
             step_range_adaptive(self.program, columns, first, steps, self.dt, *last)
         else:
             room = new_room(columns, block) if block != self._block else self._own_room(columns)
-            step_range(self.program, columns, first, steps, self.dt, a, b, block, faults, room)
+            rested = self._rested if block == self._block else None
+            step_range(self.program, columns, first, steps, self.dt, a, b, block, faults, room, rested)
 
     def _own_room(self, columns: Columns) -> Room:
         """Room for a block, of this thread."""

@@ -15,7 +15,7 @@ from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.response import crossable
 from particlesim.colliders.way import longest, way_of
 from particlesim.compiler import exact, outlined
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import load, type_of
 from particlesim.engine.step.contacts import Careful, Simple, rounding
 from particlesim.engine.step.program import Program
 from particlesim.engine.step.resting import bends
@@ -138,6 +138,12 @@ def repeats(contacts: Any, memory: Any) -> bool:
     return slow and still and len(contacts.soft) == 0 and len(memory) == 0
 
 
+def lasts(contacts: Any, memory: Any) -> bool:
+    """Whether that is remembered from one interval to the next, too: where looking anew costs as much as hundreds of
+    steps."""
+    return repeats(contacts, memory) and not isinstance(contacts, Simple) and contacts.one_by_one is not None
+
+
 def leads_back(ways: Any, i: Any, q: Any, t: Any) -> Any:
     """Whether the last step of particle i, until t, ended as it began, and its free step was the one to q, to the last bit:
     then so does this one. A particle in a crease would otherwise need a dozen searches in every step, with the same result
@@ -153,3 +159,27 @@ def note_way(ways: Any, i: Any, p: Any, q: Any, r: Any, end: Any) -> None:
         for row, number in enumerate((q.x, q.y, q.z, q.vx, q.vy, q.vz)):
             ways[row, i] = number
         ways[6, i] = end
+
+
+WAYS, RESTED = 7, 14
+"""Rows of what `note_way` notes; those of what is kept of a particle from one interval to the next: after these the place
+and the velocity that it had then, and its radius."""
+
+
+def recall_way(ways: Any, i: Any, rested: Any, c: Any, t: Any) -> None:
+    """Go on with what the last interval has noted of particle i of a block, if it is at time t as it was then."""
+    same = rested[WAYS + 6, i] == load(c.r, i, c.x[i])
+    for row, column in enumerate((c.x, c.y, c.z, c.vx, c.vy, c.vz)):
+        same &= rested[WAYS + row, i] == column[i]
+    for row in range(WAYS - 1):
+        ways[row, i] = rested[row, i]
+    ways[WAYS - 1, i] = t if same else -np.inf
+
+
+def keep_way(ways: Any, i: Any, rested: Any, c: Any, t: Any) -> None:
+    """Keep what is noted of particle i of a block at the end t of an interval."""
+    for row in range(WAYS - 1):
+        rested[row, i] = ways[row, i]
+    for row, column in enumerate((c.x, c.y, c.z, c.vx, c.vy, c.vz)):
+        rested[WAYS + row, i] = column[i]
+    rested[WAYS + 6, i] = load(c.r, i, c.x[i]) if ways[WAYS - 1, i] == t else np.nan
