@@ -75,7 +75,7 @@ class ResponseRecord(NamedTuple):
     """1 + e (at low speed), k, 1 − k, and what becomes of the particle; friction, how e falls with speed, the velocity
     of the surface along itself [m/s], how it yields, the number under which somebody hears of impacts, each None where
     there is none. `turning` and `even`: an empty tuple where forces may turn along the way of what lies on it, and where
-    they are the same along it and velocities those of the places; else None."""
+    they are the same along it; `even` holds one where velocities are not those of the places; else None."""
 
     bounce: float
     loss: float
@@ -87,7 +87,7 @@ class ResponseRecord(NamedTuple):
     yielding: PenaltyRecord | RecoveryRecord | None = None
     heard: int | None = None
     turning: tuple[()] | None = None
-    even: tuple[()] | None = None
+    even: tuple[()] | tuple[tuple[()]] | None = None
     called: tuple[()] | None = None
 
 

@@ -175,7 +175,10 @@ def test_what_circles_at_the_end_of_a_pipe_is_followed_at_once() -> None:
 
 @pytest.mark.parametrize("rate", [0.0, 2.9])
 @pytest.mark.parametrize("h", [2e-3, 8e-3])
-def test_a_grain_that_rolls_in_a_drum_is_a_pendulum_however_the_drum_turns(h: float, rate: float) -> None:
+@pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler", "backward_euler"])
+def test_a_grain_that_rolls_in_a_drum_is_a_pendulum_however_the_drum_turns(
+    method: str, h: float, rate: float
+) -> None:
     """With I = 2/5 m r² and R − r from the axis: θ'' = −5/7 g sin θ/(R − r), as friction turns the ball by what the drum
     does. Grains had lost (s/R)² of their energy in a step s, 62 % of it in 30 s at 4 ms, and from a drum that turns they got
     energy, without end."""
@@ -186,7 +189,7 @@ def test_a_grain_that_rolls_in_a_drum_is_a_pendulum_however_the_drum_turns(h: fl
         1,
         10.0,
         h,
-        "velocity_verlet",
+        method,
         particles=[
             points(
                 (far * np.sin(wide), -far * np.cos(wide), 0),
@@ -211,15 +214,17 @@ def test_a_grain_that_rolls_in_a_drum_is_a_pendulum_however_the_drum_turns(h: fl
     )
     x, v = xs[:, 0], vs[:, 0]
     energy = 7 / 10 * (v**2).sum(1) + G * (x[:, 1] + far)
-    # Ends of swings lose up to an error of third order in the angle of a step each.
+    # Ends of swings lose up to an error of third order in the angle of a step each; with methods of first order energy is
+    # exact to that order. Symplectic Euler had once hung for ever at the end of a swing.
     pace = np.sqrt(5 / 7 * G / far)
     swings = 10 * pace / np.pi
-    assert (energy <= energy[0] * (1 + 1e-9)).all()
-    assert energy[-1] >= energy[0] * (1 - 3 * swings * (pace * h) ** 3)
+    first = method != "velocity_verlet"
+    assert (energy <= energy[0] * (1 + (pace * h if first else 1e-9))).all()
+    assert energy[-1] >= energy[0] * (1 - (2 * pace * h if first else 3 * swings * (pace * h) ** 3))
     # The period is that of the pendulum: 1 + wide²/16 times that of small swings, and 11 wide⁴/3072 more.
     ends = np.flatnonzero((x[1:-1, 0] > x[:-2, 0]) & (x[1:-1, 0] >= x[2:, 0])) + 1
     period = 2 * np.pi / pace * (1 + wide**2 / 16 + 11 * wide**4 / 3072)
-    assert ends[-1] * h / len(ends) == pytest.approx(period, abs=2 * h / len(ends) + period * (pace * h) ** 2)
+    assert ends[-1] * h / len(ends) == pytest.approx(period, abs=3 * h / len(ends) + period * (pace * h) ** 2)
 
 
 @pytest.mark.parametrize("container", CONTAINERS)

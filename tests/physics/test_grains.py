@@ -571,7 +571,8 @@ def test_grains_do_not_get_through_walls_however_fast() -> None:
     model=st.sampled_from(["impulse", "linear", "hertz"]),
 )
 def test_nothing_gains_energy(seed: int, e: float, mu: float, model: str) -> None:
-    # impulses pair by pair; springs to the error of their steps, some fifty to a contact
+    # impulses pair by pair; springs to the error of their steps, some fifty to a contact, and as a whole: what springs of
+    # friction hold for a while is in no ledger
     rng = np.random.default_rng(seed)
     n = 12
     x = (np.stack(np.meshgrid(*[np.arange(3)] * 3), axis=-1).reshape(-1, 3)[:n] - 1) * 0.08
@@ -604,8 +605,9 @@ def test_nothing_gains_energy(seed: int, e: float, mu: float, model: str) -> Non
         simulation.advance_to(step)
         row = simulation.ledger()
         energy.append(row["kinetic"] + sum(v for k, v in row.items() if k.startswith("potential.")))
-    most = np.diff(energy).max()
-    assert most <= (1e-12 if model == "impulse" else 5e-3) * energy[0]
+    if model == "impulse":
+        assert np.diff(energy).max() <= 1e-12 * energy[0]
+    assert max(energy) <= (1 + 5e-3) * energy[0]
 
 
 def test_contact_in_a_periodic_box_and_beside_springs() -> None:

@@ -228,6 +228,7 @@ def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...
             smooth=turns,
             turning=pulled,
             even=not pulled,
+            late=island.method.lag != 0,
             until=island.duration,
         )
         rolling = island.rolling_friction(group.name) if turns else None

@@ -61,13 +61,14 @@ def contacts_record(
     few: int = FEW,
     turning: bool = False,
     even: bool = False,
+    late: bool = False,
     until: float = 0.0,
 ) -> Simple | Careful:
     """What the particles of a group may touch, in the simplest form that is right. `heard` are the numbers of those to whose
     impacts emitters react, None for others; none unless given. `smooth`: without friction. `few`: how many colliders that
     are not planes are met in vectors at most; where there are more, each particle near them is looked at by itself.
-    `turning`: forces depend on the place, and may turn along the way of what lies on a collider. `even`: they do not, and
-    velocities are those of the places, or known to be late. `until`: how long colliders move [s]."""
+    `turning`: forces depend on the place, and may turn along the way of what lies on a collider. `even`: they do not;
+    `late`: velocities are not those of the places, and it is not known by what. `until`: how long colliders move [s]."""
     bounds: tuple[Any, ...] = ()
     if isinstance(group, Emitter) and group.die is not None and group.die.outside is not None:
         bounds = (edge(*group.die.outside),)
@@ -89,7 +90,7 @@ def contacts_record(
     if turning:
         records = {key: under_turning(each) for key, each in records.items()}
     if even:
-        records = {key: under_even(each) for key, each in records.items()}
+        records = {key: under_even(each, late) for key, each in records.items()}
     soft = tuple(each.record() for each in colliders if each.soft and not inert)
     continuous = [records[key] for key in firm]
     discrete = [
@@ -119,10 +120,10 @@ def under_turning(c: ColliderRecord) -> ColliderRecord:
     return c._replace(response=c.response._replace(turning=()))
 
 
-def under_even(c: ColliderRecord) -> ColliderRecord:
+def under_even(c: ColliderRecord, late: bool) -> ColliderRecord:
     """The same collider under forces that are the same all along it, if that matters there."""
-    round_there = c.response.loss == 0 and round_inside(c.shape)
-    return c._replace(response=c.response._replace(even=())) if round_there else c
+    round_there, even = c.response.loss == 0 and round_inside(c.shape), ((),) if late else ()
+    return c._replace(response=c.response._replace(even=even)) if round_there else c
 
 
 def without_rebound(c: ColliderRecord) -> ColliderRecord:

@@ -193,7 +193,8 @@ def glided(c: Any, p: Any, q: Any, touch: Touch, h: Any, tolerance: Any) -> tupl
     dull = ResponseRecord(one, response.loss, response.keep, response.outcome, even=response.even)
     smooth = ColliderRecord(c.shape, dull)
     r, _ = held(smooth, start, end, way, h, tolerance, True)
-    r = with_energy(smooth, p, q, r, touch.up, way.normal, h)
+    if len(response.even) == 0:  # what late velocities tell is not the energy
+        r = with_energy(smooth, p, q, r, touch.up, way.normal, h)
     if response.friction is None:
         return r, one
     slow, turn = held(c, p, q, touch, h, tolerance)

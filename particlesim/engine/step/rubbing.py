@@ -151,7 +151,7 @@ def rubbed(colliders: Any, rolling: Any, c: Any, i: Any, p: Any, q: Any, r: Any,
                     r = moved_to(r, r.x, r.y, r.z, r.vx + x, r.vy + y, r.vz + z, r.t)
                     dx, dy, dz = dx + x, dy + y, dz + z
         # a force that acts all through the step; an impact takes place in the middle of it, on average
-        half = (type_of(h, 0.5) if rolling is None else way_of(p, q, h)) * h
+        half = way_of(p, q, h) * h
         there = moved_to(r, r.x + half * dx, r.y + half * dy, r.z + half * dz, r.vx, r.vy, r.vz, r.t)
         near = half * np.sqrt(dx * dx + dy * dy + dz * dz) < type_of(h, MOST) * r.r
         if near & (_least(colliders, there) >= min(_least(colliders, r), h - h) - type_of(h, NEAR) * r.r):
