@@ -227,3 +227,39 @@ def test_points_of_springs_touch_as_spheres() -> None:
     assert final.position[1] - final.position[0] == pytest.approx([0, 1, 0], abs=1e-12)
     # 0.8 m apart at 1.5 m/s
     assert final.position[[0, 2], 0] == pytest.approx([8 / 15 - 0.5 * 7 / 15, 1 - 4 / 15 + 7 / 15], abs=1e-2)
+
+
+@pytest.mark.parametrize("restitution", [0.5, 1.0])
+@pytest.mark.parametrize("every", [1, 7, 160])
+def test_grains_that_are_not_born_yet_touch_nobody(every: int, restitution: float) -> None:
+    """A jet of grains that never touch: y = y₀ − v age. All that are born in an interval wait at its mouth; they had been
+    put apart there, by up to 0.3 m, the more the fewer frames there were."""
+    dt, steps, rate, speed = 1e-3, 160, 200.0, 3.0
+    simulation = Simulation(
+        ps.from_table(
+            table(
+                steps * dt,
+                dt,
+                emitters=[
+                    {
+                        "name": "jet",
+                        "rate": rate,
+                        "shape": {"type": "point", "position": [0, 0.9, 0]},
+                        "speed": speed,
+                        "direction": [0, -1, 0],
+                        "radius": 0.004,
+                        "density": 1000.0,
+                    }
+                ],
+                interactions=[{"type": "contact", "restitution": restitution}],
+            )
+        )
+    )
+    for step in (*range(every, steps, every), steps):
+        simulation.advance_to(step)
+    state = simulation.states[0]
+    x = np.sort(state.x[1, : state.count])
+    ages = steps * dt - np.arange(state.count) / rate
+    assert state.count == 32
+    assert x == pytest.approx(0.9 - speed * ages, abs=1e-14 * steps)
+    simulation.close()

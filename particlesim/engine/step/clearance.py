@@ -141,7 +141,7 @@ def repeats(contacts: Any, memory: Any) -> bool:
 def lasts(contacts: Any, memory: Any) -> bool:
     """Whether that is remembered from one interval to the next, too: where looking anew costs as much as hundreds of
     steps."""
-    return repeats(contacts, memory) and not isinstance(contacts, Simple) and contacts.one_by_one is not None
+    return not isinstance(contacts, Simple) and contacts.one_by_one is not None and repeats(contacts, memory)
 
 
 def leads_back(ways: Any, i: Any, q: Any, t: Any) -> Any:

@@ -21,6 +21,7 @@ from particlesim.engine.interactions.neighbours.record import BEGUN_FAR, GROUP, 
 from particlesim.engine.interactions.neighbours.refresh import drift_of, drifts
 from particlesim.engine.interactions.neighbours.sort import over_slices
 from particlesim.engine.interactions.touching import touching
+from particlesim.engine.state.columns import in_step
 
 FAR = 0.5
 """How far members come, as a part of the skin, from which on lists are not valid all along their ways."""
@@ -61,7 +62,7 @@ def follow_meeting(sets: Any, w: Any, c: Any, share: Any, t: Any) -> None:
     for each in sets:
         near, valid = each.near, False
         if way <= FAR * near.skin[0] or near.report[STALE] != 0:
-            bring_up(each, c, share, t)
+            bring_up(each, in_step(c, t, t), share, t)
             measure_beginning(near, w, share)
             meet(share.gate, share.threads)
             _, far = over_slices(near, BEGUN_FAR)

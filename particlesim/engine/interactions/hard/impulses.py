@@ -89,7 +89,7 @@ from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near
 from particlesim.engine.interactions.neighbours.record import Neighbours, enlarged, forget
 from particlesim.engine.interactions.pair_blocks import Block
 from particlesim.engine.interactions.touching import touching
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import in_step, type_of
 from particlesim.graph.graph import methods_of
 from particlesim.interactions import PairSet
 
@@ -151,7 +151,7 @@ class Impulses(NearLists, ImpulseColumns):
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         hold_stuck(self, c, share)
-        bring_up(self, c, share, t)
+        bring_up(self, in_step(c, t, t), share, t)  # who is not there touches nobody
         if share.number == 0:
             resolve(self, parts, c, before, t, h)
         meet(share.gate, share.threads)
