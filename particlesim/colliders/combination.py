@@ -41,6 +41,8 @@ from particlesim.laws.registry import (
 from particlesim.model.mistakes import invalid
 from particlesim.model.variants import Tagged
 
+MOST_PARTS = 80
+"""Solids that are put together at most: each is looked at in turn. A mesh has room for more."""
 AnySolid = Annotated[Solid, Tagged("type", SOLIDS)]
 AnyPart = Annotated[Solid, Tagged("type", COMPONENTS)]
 
@@ -58,7 +60,7 @@ class Combination(Solid):
 
     convex: ClassVar[bool] = False
 
-    of: tuple[AnySolid, ...] = Field(min_length=2)
+    of: tuple[AnySolid, ...] = Field(min_length=2, max_length=MOST_PARTS)
     """The solids: tables with a type and the keys of that shape."""
 
     _doubtful: bool = PrivateAttr(default=False)
@@ -67,9 +69,9 @@ class Combination(Solid):
     def _ends(self) -> Combination:
         if all(isinstance(part, HalfSpace) for part in self.of):
             raise invalid(
-                "planes alone have no end",
+                "where planes alone end is not known",
                 at=("of",),
-                allowed="at least one solid that has",
+                allowed="at least one solid that has an end, such as a box about what they enclose",
                 hint="several [[planes]] hold particles back on their own",
             )
         return self
@@ -191,7 +193,7 @@ class Union(Combination):
 class UnionCollider(Union, CombinationCollider):
     """Solids that are one: particles stay out of all of them."""
 
-    of: tuple[AnyPart, ...] = Field(min_length=2)
+    of: tuple[AnyPart, ...] = Field(min_length=2, max_length=MOST_PARTS)
     """The solids: tables with a type and the keys of that shape. A plane is all that is behind it; a part may itself be put
     together, of solids that are not."""
 
@@ -254,7 +256,7 @@ class Intersection(Combination):
 class IntersectionCollider(Intersection, CombinationCollider):
     """What several solids have in common."""
 
-    of: tuple[AnyPart, ...] = Field(min_length=2)
+    of: tuple[AnyPart, ...] = Field(min_length=2, max_length=MOST_PARTS)
     """The solids: tables with a type and the keys of that shape. A plane is all that is behind it; a part may itself be put
     together, of solids that are not."""
 
@@ -311,7 +313,7 @@ class Difference(Combination):
 class DifferenceCollider(Difference, CombinationCollider):
     """The first solid without the others."""
 
-    of: tuple[AnyPart, ...] = Field(min_length=2)
+    of: tuple[AnyPart, ...] = Field(min_length=2, max_length=MOST_PARTS)
     """The solids: tables with a type and the keys of that shape. A plane is all that is behind it; a part may itself be put
     together, of solids that are not."""
 

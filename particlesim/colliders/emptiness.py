@@ -39,6 +39,8 @@ OVERSHOOTS = (1e-2, 1e-4, 1e-6, 1e-8)
 """How much farther than out of a shape these moves lead, in parts of the size of the solids."""
 TOUCHING = 1e-7
 """What of the size of solids they may have in common that only touch."""
+SEEN = 1e-14
+"""How deep a place is in all shapes that is no rounding error, as a part of coordinates."""
 PLANES = 100
 """Planes that are looked at, for each shape, to see that convex solids only touch."""
 
@@ -92,17 +94,17 @@ def _deepest_of(shapes: Sequence[Any], reach: float, most: float) -> Literal["to
         planes, offsets = np.concatenate([planes, out]), np.concatenate([offsets, gaps - out @ x])
         x, shares = _lowest(planes, offsets, np.full(3, -reach), np.full(3, reach))
         if shares @ offsets - np.abs(shares @ planes).sum() * reach >= -most:
-            return "touch"
-    return "doubt"
+            return "something" if _descended(shapes, x.tolist(), reach, SEEN * reach) else "touch"
+    return "something" if _descended(shapes, x.tolist(), reach, SEEN * reach) else "doubt"
 
 
-def _descended(shapes: Sequence[Any], start: Vector3, far: float) -> bool:
-    """Whether a way to where the largest gap is the least leads into all shapes: it goes by their planes at each place, no
-    farther than these have turned out to hold, at first `far` [m]."""
+def _descended(shapes: Sequence[Any], start: Sequence[float], far: float, deep: float = 0.0) -> bool:
+    """Whether a way to where the largest gap is the least leads into all shapes, deeper than `deep` [m]: it goes by their
+    planes at each place, no farther than these have turned out to hold, at first `far` [m]."""
     x = np.array(start)
     gaps, out = _planes_at(shapes, x)
     for _ in range(LOOKS):
-        if max(gaps) < 0:
+        if max(gaps) < -deep:
             return True
         there, _ = _lowest(out, gaps - out @ x, x - far, x + far)
         next_gaps, next_out = _planes_at(shapes, there)
@@ -125,13 +127,17 @@ def _lowest(planes: Any, offsets: Any, low: Any, high: Any) -> tuple[Any, Any]:
     """Where in a box the largest of n·x + c is the least, and the shares of the planes in that."""
     from scipy.optimize import linprog
 
-    bounds = [*zip(low, high, strict=True), (None, None)]
+    middle, unit = (
+        0.5 * (low + high),
+        0.5 * float((high - low).max()),
+    )  # of what is small as exactly as of what is large
+    bounds = [*zip((low - middle) / unit, (high - middle) / unit, strict=True), (None, None)]
     rows = np.column_stack([planes, np.full(len(planes), -1.0)])
-    found = linprog([0, 0, 0, 1], A_ub=rows, b_ub=-offsets, bounds=bounds)
+    found = linprog([0, 0, 0, 1], A_ub=rows, b_ub=-(offsets + planes @ middle) / unit, bounds=bounds)
     if found.x is None:
-        return 0.5 * (low + high), np.full(len(planes), 1 / len(planes))
+        return middle, np.full(len(planes), 1 / len(planes))
     shares = np.maximum(-found.ineqlin.marginals, 0.0)
-    return found.x[:3], shares / (shares.sum() or 1.0)
+    return middle + unit * found.x[:3], shares / (shares.sum() or 1.0)
 
 
 def _normal_of(shape: Any, p: Particle) -> Any:

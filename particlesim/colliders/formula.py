@@ -93,9 +93,10 @@ class Formula(Solid):
             )
         if not (values < 0).any():
             raise invalid(
-                "it is negative nowhere in its box, so that nothing is solid",
+                f"on a grid of {CELLS} cells it is negative nowhere in its box, so that nothing is solid",
                 at=("distance",),
                 also=[(("size",), "the box")],
+                hint="a smaller box, or a larger shape",
             )
         if not (values > 0).any():
             raise invalid(

@@ -63,6 +63,10 @@ class Solid(Model):
         """How thick it is where it is thinnest [m]; infinite where that is not known."""
         return math.inf
 
+    def round_about(self, axis: Vector3) -> bool:
+        """Whether it is the same at any angle about an axis through its pivot."""
+        return False
+
     def words(self) -> str:
         """Where it is and how large."""
         raise NotImplementedError
@@ -73,8 +77,9 @@ class Solid(Model):
 
 
 def pivot_of(shape: Any) -> Vector3:
-    """The place that a motion leads: the centre of a shape, the middle of its axis, or the origin of its file [m]."""
-    for name in ("center", "origin"):
+    """The place that a motion leads: the centre of a shape, the middle of its axis, a point of a
+    plane, or the origin of its file [m]."""
+    for name in ("center", "origin", "point"):
         if hasattr(shape, name):
             return getattr(shape, name)
     if hasattr(shape, "middle"):

@@ -105,6 +105,7 @@ def coarse(world: World) -> dict[str, tuple[float, float, str]]:
 
 
 def coarse_told(label: str, step: float, length: float, precision: str, when: str) -> str:
+    """That positions are rounded by too much."""
     better = ', or precision = "double"' if precision == "single" else ""
     return (
         f"{label}: {when} particles are so far from the origin that positions are rounded by {step:.2g} m, and the "
@@ -113,6 +114,7 @@ def coarse_told(label: str, step: float, length: float, precision: str, when: st
 
 
 def haste_told(label: str, each: Haste, when: str) -> str:
+    """That particles may pass through each other in a step."""
     return (
         f"{label}: {when} particles move by up to {each.way:.3g} m in a step past others, which is more than their radii "
         f"together, {each.size:.3g} m: they may pass through each other; dt = {each.step:.2g} s lets them touch"

@@ -77,8 +77,8 @@ def test_balls_slide_down_half_of_a_ball_cut_at_an_angle() -> None:
 @pytest.mark.parametrize(
     ("kind", "of", "why"),
     [
-        ("union", [GROUND, GROUND], "planes alone have no end"),
-        ("difference", [GROUND, {**GROUND, "normal": [1, 0, 0]}], "planes alone have no end"),
+        ("union", [GROUND, GROUND], "where planes alone end is not known"),
+        ("difference", [GROUND, {**GROUND, "normal": [1, 0, 0]}], "where planes alone end is not known"),
         ("intersection", [BALL, {**GROUND, "point": [0, -3, 0]}], "have nothing in common"),
         ("difference", [BALL, {**GROUND, "point": [0, 3, 0]}], "nothing is left of a sphere without a plane"),
         ("union", [BALL, {"type": "rectangle", "size": [1, 1]}], 'unknown type "rectangle"'),
@@ -126,3 +126,20 @@ def test_no_point_passes_what_convex_solids_have_in_common_however_thin_it_is(th
     )
     assert (places[:, :, 1] > -1e-9).all()
     assert (places[-1, :, 1] > 1).all()
+
+
+@pytest.mark.parametrize("kind", ["union", "difference"])
+def test_what_begins_with_a_plane_can_be_led(kind: str) -> None:
+    """By the point of that plane. It had ended with a mistake of psim, also without a motion where a point might pass it."""
+    places, speeds = way(
+        50,
+        0.5,
+        1e-2,
+        "velocity_verlet",
+        particles=[points((3.0, 0.0, 0.0), mass=1.0)],
+        forces=[{"type": "gravity"}],
+        colliders=[{"type": kind, "name": "ground", "of": [GROUND, KNOB], "restitution": 0.0}],
+        motions=[{"collider": "ground", "path": ["x", "y + 0.5 * t", "z"]}],
+    )
+    np.testing.assert_allclose(places[-1], [[3.0, 0.25, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(speeds[-1], [[0.0, 0.5, 0.0]], atol=1e-9)

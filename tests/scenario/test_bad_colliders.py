@@ -99,6 +99,13 @@ LARGE, AWAY = {"type": "box", "size": [3, 3, 3]}, {**FAR_BALL, "center": [3, 3, 
         ("intersection", [BALL, {**BALL, "center": [2, 0, 0]}], "only touch"),  # in one point
         ("intersection", [LARGE, {**LARGE, "center": [3, 1, 0]}], "only touch"),  # in a face
         ("intersection", [BALL, {**BALL, "center": [2 - 1e-6, 0, 0]}], None),
+        ("intersection", [BALL, {**BALL, "center": [2 - 1e-12, 0, 0]}], None),
+        ("intersection", [LARGE, {**LARGE, "center": [3 - 1e-12, 1, 0]}], None),
+        (
+            "union",
+            [{**BALL, "center": [k, 0, 0]} for k in range(81)],
+            "must have at most 80 elements, got 81",
+        ),
         (
             "difference",
             [BALL, {"type": "plane", "point": [0, 1, 0]}],
@@ -535,7 +542,7 @@ ALLOWED: dict[str, tuple[dict[str, Any], str, str]] = {
         "a time after 1 s",
     ),
     "two masses": ({"bodies": [BODY | {"mass": 1, "density": 3}]}, "density", "one of the two"),
-    "no group": ({"emitters": [HEARS | {"on_impact": {"of": ["grian"]}}]}, "of.0", "grain, dust"),
+    "no group": ({"emitters": [HEARS | {"on_impact": {"of": ["grian"]}}]}, "of.0", "grain"),
     "no impact": (
         {"emitters": [HEARS | {"on_impact": "grain"}]},
         "on_impact",

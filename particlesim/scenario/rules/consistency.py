@@ -88,7 +88,11 @@ def references(scenario: Tables) -> Iterator[Invalid]:
     places += [(("motions", k, "on"), m.on) for k, m in enumerate(scenario.motions) if m.on is not None]
     for path, name in places:
         if name not in known:
-            yield _unknown_group(path, name, known)
+            hears = path[2:3] == ("on_impact",)  # which is no impact of what it gives birth to
+            born = next(
+                (each.name for k, each in enumerate(scenario.emitters) if hears and k == path[1]), None
+            )
+            yield _unknown_group(path, name, [each for each in known if each != born])
 
 
 def led_colliders(scenario: Tables) -> Iterator[Invalid]:

@@ -123,4 +123,5 @@ def _belongs(word: str, steps: Sequence[str], root: type[BaseModel], *, key: boo
     here = tuple(place for place in places if place.table.endswith(part))
     near = here or places
     outer = min((place.table.count(" of ") for place in near), default=0)
-    return belongs(word, tuple(place for place in near if place.table.count(" of ") == outer))
+    told = belongs(word, tuple(place for place in near if place.table.count(" of ") == outer))
+    return None if steps and told == f'"{word}" belongs in [[{steps[0]}]]' else told  # it stands there
