@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import combinations_with_replacement
 
@@ -175,7 +176,7 @@ def _friction(scenario: Scenario) -> list[str]:
 
 
 def _turning(scenario: Scenario) -> list[str]:
-    """Colliders that turn by much in a step."""
+    """Colliders and rigid bodies that turn by much in a step; how balls turn makes no difference."""
     led = {each.collider: each.spin for each in scenario.motions if each.spin is not None}
     dt, found = scenario.grid.dt, []
     for k, each in enumerate(scenario.all_colliders):
@@ -185,6 +186,14 @@ def _turning(scenario: Scenario) -> list[str]:
             found.append(
                 f"{each.called(k)}: it turns by {turn:.3g} rad in a step of dt = {dt:.6g} s, and what it hits on the way is "
                 f"not sure beyond {MOST_TURN:g} rad; dt = {shorter:.3g} s turns it by that much"
+            )
+    for body in scenario.bodies:
+        rate = math.hypot(*body.angular_velocity)
+        if body.shape.type != "sphere" and rate * dt > MOST_TURN:
+            found.append(
+                f"bodies {body.name!r} turn by {rate * dt:.3g} rad in a step of dt = {dt:.6g} s at the start: their energy "
+                f"swings by about the square of that, and where they hit something is not sure; dt = "
+                f"{MOST_TURN / rate:.3g} s turns them by {MOST_TURN:g} rad"
             )
     return found
 

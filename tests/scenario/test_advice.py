@@ -343,6 +343,22 @@ def test_colliders_that_turn_by_much_in_a_step_are_told() -> None:
     assert "dt = 0.0005 s" in text
 
 
+def test_bodies_that_turn_by_much_in_a_step_are_told() -> None:
+    def told(rate: float, shape: dict[str, Any]) -> list[str]:
+        scenario = {
+            "simulation": {"duration": 0.1, "dt": 1e-3},
+            "bodies": [{"name": "top", "shape": shape, "angular_velocity": [0, rate, 0]}],
+        }
+        return [text for text in advice(ps.from_table(scenario)) if "rad in a step" in text]
+
+    box = {"type": "box", "size": [1, 2, 3]}
+    assert told(499.0, box) == []
+    assert told(1000.0, {"type": "sphere", "radius": 1}) == []
+    (text,) = told(-1000.0, box)
+    assert text.startswith("bodies 'top' turn by 1 rad in a step of dt = 0.001 s at the start")
+    assert "dt = 0.0005 s" in text
+
+
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("reach", "radius", "told"),
