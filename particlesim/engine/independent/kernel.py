@@ -46,6 +46,7 @@ from particlesim.engine.step.at_rest import (
 )
 from particlesim.engine.step.clearance import (
     AWAY,
+    are_kept,
     clearance,
     distance_of,
     foothold,
@@ -397,8 +398,12 @@ def step_range(
             room.clear[i] = type_of(c.m[i], 0)
             room.foothold[3, i] = -type_of(c.m[i], 1)
             room.ways[6, i] = -np.inf
-            if rested is not None:
-                recall_way(room.ways, i, rested[:, lo : lo + n], c, first_step * dt)
+        some = False
+        if rested is not None:
+            some = are_kept(rested[:, lo : lo + n])
+            if some:
+                for i in range(n):
+                    recall_way(room.ways, i, rested[:, lo : lo + n], c, first_step * dt)
         room.wait[0] = type_of(c.m[0], 0)
         born, gone = lifetimes(c.clock)
         for s in range(steps):
@@ -414,7 +419,10 @@ def step_range(
             broken |= drop != 0
         if rested is not None:
             for i in range(n):
-                keep_way(room.ways, i, rested[:, lo : lo + n], c, (first_step + steps) * dt)
+                some |= room.ways[6, i] == (first_step + steps) * dt
+            if some:
+                for i in range(n):
+                    keep_way(room.ways, i, rested[:, lo : lo + n], c, (first_step + steps) * dt)
         if broken:
             faults[lo] = True
             for i in range(n):

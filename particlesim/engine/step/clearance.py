@@ -139,9 +139,8 @@ def repeats(contacts: Any, memory: Any) -> bool:
 
 
 def lasts(contacts: Any, memory: Any) -> bool:
-    """Whether that is remembered from one interval to the next, too: where looking anew costs as much as hundreds of
-    steps."""
-    return not isinstance(contacts, Simple) and contacts.one_by_one is not None and repeats(contacts, memory)
+    """Whether that is remembered from one interval to the next, too."""
+    return not isinstance(contacts, Simple) and repeats(contacts, memory)
 
 
 def leads_back(ways: Any, i: Any, q: Any, t: Any) -> Any:
@@ -164,6 +163,14 @@ def note_way(ways: Any, i: Any, p: Any, q: Any, r: Any, end: Any) -> None:
 WAYS, RESTED = 7, 14
 """Rows of what `note_way` notes; those of what is kept of a particle from one interval to the next: after these the place
 and the velocity that it had then, and its radius."""
+
+
+def are_kept(rested: Any) -> Any:
+    """Whether something is kept of some particle of a block."""
+    some = False
+    for i in range(rested.shape[1]):
+        some |= rested[WAYS + 6, i] >= 0
+    return some
 
 
 def recall_way(ways: Any, i: Any, rested: Any, c: Any, t: Any) -> None:
