@@ -113,7 +113,7 @@ class IndependentIsland(BaseIsland):
         if lasts(self.program.contacts, columns.memory) and (
             self._rested is None or self._rested.shape[1] < number
         ):
-            self._rested = np.full((RESTED, self.state.x.shape[1]), np.nan)
+            self._rested = np.zeros((RESTED, self.state.x.shape[1]))
         if opened is not None and self._adaptive:
             for a in range(0, number, BOOKED_TOGETHER):
                 self._move_booked(opened, columns, first, slice(a, min(a + BOOKED_TOGETHER, number)), faults)

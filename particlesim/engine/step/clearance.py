@@ -160,33 +160,35 @@ def note_way(ways: Any, i: Any, p: Any, q: Any, r: Any, end: Any) -> None:
         ways[6, i] = end
 
 
-WAYS, RESTED = 7, 14
+WAYS, RESTED, KEPT = 7, 14, 6
 """Rows of what `note_way` notes; those of what is kept of a particle from one interval to the next: after these the place
-and the velocity that it had then, and its radius."""
+and the velocity that it had then, and its radius. In row KEPT is 1 if there is something, in place of a time; else 0, so
+that what nobody has written takes no memory."""
 
 
 def are_kept(rested: Any) -> Any:
     """Whether something is kept of some particle of a block."""
     some = False
     for i in range(rested.shape[1]):
-        some |= rested[WAYS + 6, i] >= 0
+        some |= rested[KEPT, i] > 0
     return some
 
 
 def recall_way(ways: Any, i: Any, rested: Any, c: Any, t: Any) -> None:
     """Go on with what the last interval has noted of particle i of a block, if it is at time t as it was then."""
-    same = rested[WAYS + 6, i] == load(c.r, i, c.x[i])
+    same = (rested[KEPT, i] > 0) & (rested[WAYS + 6, i] == load(c.r, i, c.x[i]))
     for row, column in enumerate((c.x, c.y, c.z, c.vx, c.vy, c.vz)):
         same &= rested[WAYS + row, i] == column[i]
-    for row in range(WAYS - 1):
+    for row in range(KEPT):
         ways[row, i] = rested[row, i]
-    ways[WAYS - 1, i] = t if same else -np.inf
+    ways[KEPT, i] = t if same else -np.inf
 
 
 def keep_way(ways: Any, i: Any, rested: Any, c: Any, t: Any) -> None:
     """Keep what is noted of particle i of a block at the end t of an interval."""
-    for row in range(WAYS - 1):
+    for row in range(KEPT):
         rested[row, i] = ways[row, i]
     for row, column in enumerate((c.x, c.y, c.z, c.vx, c.vy, c.vz)):
         rested[WAYS + row, i] = column[i]
-    rested[WAYS + 6, i] = load(c.r, i, c.x[i]) if ways[WAYS - 1, i] == t else np.nan
+    rested[WAYS + 6, i] = load(c.r, i, c.x[i])
+    rested[KEPT, i] = 1 if ways[KEPT, i] == t else 0
