@@ -14,6 +14,7 @@ from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.rigid.touching import contacts_of, no_contact
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
+from particlesim.graph.graph import methods_of
 from particlesim.model.arrays import Floats, Ints
 from particlesim.scenario.scenario import Scenario
 
@@ -34,6 +35,7 @@ class Meetings:
         self, scenario: Scenario, islands: Sequence[BaseIsland], states: Sequence[GroupState]
     ) -> None:
         self._dt = scenario.grid.dt
+        self._lag = {name: method.lag for name, method in methods_of(scenario).items()}
         self._bodies = _bodies_among(islands) if scenario.bodies else None
         self._islands = {
             state.name: island for island in islands for state in island.states if island is not self._bodies
@@ -115,6 +117,8 @@ class Meetings:
         ids = np.concatenate([state.id[rows] for state, rows in self._chosen])
         gain, besides = ties.gain(self._chosen), self._bodies.loads.awaited(ids)
         load = np.where(hang > 0, np.concatenate([gain, np.zeros_like(gain)]), besides)
+        lag = [np.full(len(rows), self._lag[state.name]) for state, rows in self._chosen]
+        load = np.concatenate([load, [np.concatenate(lag)]])
         self._bodies.guests = tuple(state.name for state, _ in self._chosen)
         flags = (hang, np.concatenate(swift), np.concatenate([*held, *stands]))
         self._bodies.visitors = among(self._chosen, np.ascontiguousarray(surfaces), load, number, *flags)
@@ -213,7 +217,8 @@ class Meetings:
         ]
         self._there = [(state, state.id[rows]) for state, rows in self._chosen]
         self._slow = visitors.swift == 0
-        self._bodies.loads.leave(loose, after.forces[:, visitors.tied == 0])
+        lags = [self._lag[state.name] for state, _ in loose]
+        self._bodies.loads.leave(loose, lags, after.forces[:, visitors.tied == 0])
         self._worked = self._contact_work()
 
     def hold_ends(self, step: int) -> Fault | None:

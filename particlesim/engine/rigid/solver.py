@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import outlined, shared
-from particlesim.engine.rigid.bodies import WORLD, row
+from particlesim.engine.interactions.hard.bench import CLOSES, NEAR, REST
+from particlesim.engine.rigid.bodies import GUEST, WORLD, row
 from particlesim.engine.rigid.clusters import gather, root
 from particlesim.engine.rigid.contact_rows import direct, speed_along
 from particlesim.engine.rigid.energy import (
@@ -97,6 +98,12 @@ def kick_of(b: Any, k: Any, motion: Any, c: Any, h: Any) -> Any:
     return h * speed
 
 
+def room_at_rest(room: Any, approach: Any, kick: Any, h: Any) -> Any:
+    """The speed with which guests that rest over a gap, as impulses of hard grains see it, may close it."""
+    rests = (room < NEAR * kick) & (approach <= REST * kick)
+    return room / CLOSES if rests else room
+
+
 @outlined
 def aim(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
     """Set the speed that each contact of a cluster is to have along its normal; forces have been added since `lay_out`.
@@ -117,6 +124,8 @@ def aim(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
         lies_under = not k.late[0, c] > 0 and k.late[3, c] != 0
         free = now + k.late[3, c] if lies_under else now
         room = room_at(k, c, before, free, h)
+        if k.names[0, c] == GUEST:
+            room = room_at_rest(room, -free, kick_of(b, k, motion, c, h), h)
         meets = free < -room * (1 - TIED if k.surface[0, c] > 0 else 1.0)
         quick = before < -max(RESTING * abs(free - before + h * own), QUIET * kick_of(b, k, motion, c, h))
         rebound = -restitution_at(k, c, -before) * before

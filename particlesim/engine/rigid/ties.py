@@ -74,7 +74,7 @@ class Ties:
         number = sum(map(len, rows.values()))
         nothing = (
             np.zeros((len(Touching._fields), len(chosen), 1)),
-            np.zeros((6, number)),
+            np.zeros((7, number)),
             number if held else 0,
         )
         none = np.zeros(number, np.int64)

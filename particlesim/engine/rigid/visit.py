@@ -21,9 +21,9 @@ class Visitors(NamedTuple):
     """Particles that may touch bodies: places, velocities and angular momenta [3, n]; 1/m, 0 for those that are held,
     moments of inertia, infinite for those that do not turn, kinds, radii, ids [n]; contact by kind and group of bodies
     [kinds, groups]; by how much what else acts on them changes their velocities in a step [3, n], of what is not tied to
-    bodies without its forces before these are known, and moves them beyond half of that (`beyond` [3, n]); which of them
-    springs and rods tie to bodies, whose impacts are left to their own step, and which touch bodies or others that do [n];
-    how many of them, the first ones, rods hold."""
+    bodies without its forces before these are known, and moves them beyond half of that (`beyond` [3, n]); the part of a
+    step by which their velocities are late (`Method.lag`) [n]; which of them springs and rods tie to bodies, whose impacts
+    are left to their own step, and which touch bodies or others that do [n]; how many of them, the first ones, rods hold."""
 
     x: Floats
     v: Floats
@@ -43,6 +43,7 @@ class Visitors(NamedTuple):
     flat: Floats
     gain: Floats
     beyond: Floats
+    lag: Floats
     tied: Ints
     swift: Ints
     stands: Ints
@@ -73,7 +74,7 @@ def among(
 ) -> Visitors:
     """Some rows of groups as visitors, with what contact of each group does, as `Touching`
     [fields, kinds, groups of bodies], and `load`, which
-    is `gain` and `beyond` [6, n]."""
+    is `gain`, `beyond` and `lag` [7, n]."""
     parts = []
     for kind, (state, rows) in enumerate(chosen):
         radius, weight = state.radius[rows].astype(float), 1 / state.mass[rows].astype(float)
@@ -88,7 +89,7 @@ def among(
         parts.append((x, v, spin, weight, inertia, np.full(len(rows), kind), radius, state.id[rows]))
     columns = [np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)]
     load = np.where(columns[3] > 0, load, 0.0)
-    return Visitors._make([*columns, *surfaces, load[:3], load[3:], tied, swift, stands, held])
+    return Visitors._make([*columns, *surfaces, load[:3], load[3:6], load[6], tied, swift, stands, held])
 
 
 def guests_of(visitors: Visitors, support: Support, bodies: int, h: float) -> Guests:
@@ -146,7 +147,9 @@ def renew(guests: Guests, visitors: Visitors, h: float) -> None:
 def inform(guests: Guests, visitors: Visitors, pull: Floats, h: float) -> Visitors:
     """Visitors, now that it is known what accelerates those that are not tied to bodies [m/s²], shape [3, n]."""
     guests.pull[:], guests.asked[0] = pull, 1
-    visitors = visitors._replace(gain=visitors.gain + np.where(visitors.w > 0, h * pull, 0.0))
+    gain = visitors.gain + np.where(visitors.w > 0, h * pull, 0.0)
+    late = np.where(visitors.tied > 0, 0.0, h * visitors.lag * gain)
+    visitors = visitors._replace(gain=gain, beyond=visitors.beyond + late)
     guests.other[:] = _others(visitors, h)
     return visitors
 
@@ -193,9 +196,11 @@ def left(whole: Bodies, guests: Guests, visitors: Visitors, t: float, h: float) 
     moved |= np.abs(apart).max(axis=0) > 1e-12 * (1 + np.abs(guests.at).max(axis=0))
     shift = np.where(np.abs(apart) > 1e-12 * (1 + np.abs(guests.at)), apart, 0.0)
     shift += guests.shift - 0.5 * h * change
-    # What contact takes back, a method may have moved them further by than half of it.
-    length2, along = (change**2).sum(axis=0), (change * visitors.beyond).sum(axis=0)
-    part_of = np.divide(along, length2, out=np.zeros_like(along), where=(length2 > 0) & (guests.awaits > 0))
+    # What contact takes back of the kick, a method may have moved them further by than half of it.
+    beyond = visitors.beyond - h * visitors.lag * guests.crowd.borne
+    length2, along = (change**2).sum(axis=0), (change * beyond).sum(axis=0)
+    kick = np.maximum(-(change * gain).sum(axis=0), length2)
+    part_of = np.divide(along, kick, out=np.zeros_like(along), where=(length2 > 0) & (guests.awaits > 0))
     shift -= part_of * change
     # Rods give impulses at the beginning and at the end of the step, too: only the places at its ends tell.
     shift[:, :held] = (x - visitors.x - h * (v + 0.5 * gain))[:, :held]

@@ -49,10 +49,10 @@ PARENT, PARTICLES, TOUCHES, STANDS, APPROACHES, LIVELY = range(6)
 are, and whether something holds it that nothing moves, something in it still approaches, and something has rebounded."""
 
 
-LEAST, PARTING, ALONG, PARTS = 3, 4, 5, 7
+LEAST, PARTING, ALONG, PARTS, ROOM = 3, 4, 5, 7, 13
 """Rows of `normal` and `wall_normal` after the normal that are read here: less than 0 of what does not lie on its wall; more
-than 0 of what has rebounded; of walls, how fast they move along the normal [m/s]; of pairs, how a change of their velocity
-is divided between the two [2], both 0 of those that get none."""
+than 0 of what has rebounded; of walls, how fast what lies on them moves along the normal [m/s]; of pairs, how a change of
+their velocity is divided between the two [2], both 0 of those that get none, and how fast the two may approach [m/s]."""
 
 
 class Desk(NamedTuple):
@@ -143,7 +143,7 @@ def see(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> None:
         acts = bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0
         n = (bench.normal[0, k], bench.normal[1, k], bench.normal[2, k])
         rate = (c.vx[i] - c.vx[j]) * n[0] + (c.vy[i] - c.vy[j]) * n[1] + (c.vz[i] - c.vz[j]) * n[2]
-        if (-rate > calm) & acts:
+        if (-rate - bench.normal[ROOM, k] > calm) & acts:
             cluster[APPROACHES, at] = 1
         if bench.normal[PARTING, k] > 0:
             cluster[LIVELY, at] = 1
@@ -209,7 +209,9 @@ def rates(bench: Any, c: Any, chosen: Any, pairs: Any) -> None:
         if k < chosen.pairs:
             j = of[SECOND, k]
             x, y, z = x - c.vx[j], y - c.vy[j], z - c.vz[j]
-        speed = 0.0 if k < chosen.pairs else float(bench.wall_normal[ALONG, of[NUMBER, k] - pairs])
+            speed = -float(bench.normal[ROOM, of[NUMBER, k]])
+        else:
+            speed = float(bench.wall_normal[ALONG, of[NUMBER, k] - pairs])
         row[RATE, k] = row[SCALE, k] * (x * row[X, k] + y * row[Y, k] + z * row[Z, k] - speed)
 
 

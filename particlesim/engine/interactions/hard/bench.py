@@ -31,8 +31,8 @@ TURN, WORK, GAIN, SQUARE, WAY = 3, 6, 7, 8, 9
 """Rows of `start`, after velocities before impulses: angular velocities; of the particle that stands for a cluster, the work
 of what nothing moves, what impulses have added, and the sum of m |Δv|² + I |Δω|² [J]; how far forces have moved a particle
 in the step, over what they have changed its velocity by times the step."""
-REST = 2.0
-"""Steps in which forces bring about an approach that counts as rest."""
+REST, CLOSES = 2.0, 4
+"""Steps in which forces bring about an approach that counts as rest, and in which what rests over a gap may close it."""
 NEAR, WIDE = 3.0, 1 + AT_REST
 """Gap below which what does not touch is looked at, too, as it may rest there, in units of what forces move in a step; and
 the sum of both radii with it, at most, as a part of that sum."""
@@ -41,7 +41,7 @@ NEAR_WALL = 0.1
 
 
 class Bench(NamedTuple):
-    """Room to work in: rows of pairs [2, room], the smaller one first; normals and more of pairs [13, room]; what to add to
+    """Room to work in: rows of pairs [2, room], the smaller one first; normals and more of pairs [14, room]; what to add to
     the difference of their places for the nearest image [3, room] [m].
 
     Rows of particles at colliders [walls], their normals and more [14, walls], the numbers of their colliders [walls], and
@@ -77,7 +77,7 @@ def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any, roll
     """Room for some pairs, for particles at colliders, and for the ends of their lists, among some particles."""
     return Bench(
         np.zeros((2, room), np.int64),
-        np.zeros((13, room), dtype),
+        np.zeros((14, room), dtype),
         np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),
         np.zeros((14, walls), dtype),

@@ -15,6 +15,7 @@ from particlesim.engine.interactions.hard.at_once import (
     LEAST,
     PARTING,
     PARTS,
+    ROOM,
     STANDS,
     join,
     root,
@@ -22,6 +23,7 @@ from particlesim.engine.interactions.hard.at_once import (
 from particlesim.engine.interactions.hard.bench import (
     ABOVE,
     ARM,
+    CLOSES,
     COUNT,
     FREE,
     KEPT,
@@ -106,6 +108,7 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         n, at = bench.wall_normal, root(cluster, bench.wall[q])
         if (n[LEAST, q] == FREE) & (n[ABOVE, q] < rest * type_of(most, h) * change[at]):
             n[LEAST, q] = rest * change[at]
+            n[ALONG, q] -= n[ABOVE, q] / type_of(most, CLOSES * h)
             cluster[STANDS, at] = 1
         elif (n[LEAST, q] > 0) & ((bench.mark[bench.wall[q]] & THROWN) != 0) & (change[at] > 0):
             n[LEAST, q] = rest * change[at]
@@ -138,7 +141,9 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         least = rest * (max(abs(mine), abs(other)) if stands else abs(mine - other))
         if stands & (-now <= least):
             least = rest * change[at]
-        if ends > c.r[i] + c.r[j]:  # which rests, or will hit in the next step
+        room = max(ends - c.r[i] - c.r[j], gently - gently) / type_of(most, CLOSES * h)
+        bench.normal[ROOM, k] = room
+        if room > 0:  # which rests, or will hit in the next step
             if -now > least:
                 bench.normal[PARTS, k] = bench.normal[PARTS + 1, k] = 0
             least = type_of(most, ANY)
@@ -213,12 +218,13 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
         vx, vy, vz = c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j]
         approach = -(vx * x + vy * y + vz * z)
         given = type_of(e, bench.desk.contacts[GIVEN, k])
-        if ((approach > 0) | (given > 0)) & (bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0):
+        lacks = approach - bench.normal[ROOM, k]
+        if ((lacks > 0) | (given > 0)) & (bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0):
             # what is elastic has no rest: its hops do not end
             lively = (approach > bench.normal[LEAST, k]) | ((e >= 1) & (approach > 0))
             later = bench.normal[LATER, k] if lively else e - e
             bounces = bounces_at(each.law, approach - later)
-            change, push = given_at(bench, k, bench.normal, k, approach, later, bounces, lively)
+            change, push = given_at(bench, k, bench.normal, k, lacks, later, bounces, lively)
             if lively:
                 bench.normal[LATER, k] = 0
             worst = max(worst, abs(change))
