@@ -268,6 +268,27 @@ def cloud(mass: float, e: float, steps: int, n: int = 60, **law: Any) -> dict[st
     )
 
 
+@pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
+def test_beads_on_springs_that_hit_a_body_keep_momentum(method: str) -> None:
+    """Springs pull on at a bead that a body throws back within a step; where that was forgotten, action was no reaction."""
+    x = [[0, 0.2, 0], [0.01, 0.18, 0], [0.01, 0.195, 0.005], [0, 0.17, 0.01]]
+    beads = {**grains(x, [[0, 0, 0]] * 4), "radius": 0.004, "mass": 3e-4}
+    box = {"shape": {"type": "box", "size": [0.1] * 3}, "mass": 1.0}
+    pairs = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
+    result = simulate(
+        0.06,
+        2e-4,
+        method,
+        particles=[beads],
+        bodies=[{"name": "body", "position": [0, 0.3, 0], "velocity": [0, -8, 0], **box}],
+        springs=[{"on": "grains", "pairs": pairs, "stiffness": 600.0}],
+        interactions=contacts(restitution=1.0),
+        output={"every": 10, "ledger": True},
+    )
+    assert np.abs(totals(result)[:3] - totals(result)[:3, :1]).max() < 1e3 * EPS
+    assert np.array(result.final["velocity"])[:, 1].min() < -7.9  # they have met it
+
+
 @pytest.mark.parametrize("e", [1.0, 0.5])
 @pytest.mark.parametrize("mass", [50.0, 2000.0])
 def test_a_cloud_about_a_body_gains_nothing_and_passes_nothing(e: float, mass: float) -> None:

@@ -269,7 +269,8 @@ def end_step(
     meet(share.gate, share.threads)
     good = share.wild.sum() == 0
     if good:
-        conclude_elements(share.elements, parts, c, work.before, share, end, h)
+        free = len(bonds) == 0 and share.rods is None
+        conclude_elements(share.elements, free, parts, c, work.before, share, end, h)
         if not anew:
             begin_turns(c, share)
         break_bonds(bonds, c, share, end)

@@ -364,11 +364,14 @@ def that_hasten(sets: Any) -> Any:
     return (sets[:1] if type(sets[0]).hastens else ()) + that_hasten(sets[1:])
 
 
-def conclude_elements(sets: Any, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
-    """Let all sets that have something to do at the end of a step do so; all threads of an island come here."""
+def conclude_elements(
+    sets: Any, free: bool, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any
+) -> None:
+    """Let all sets that have something to do at the end of a step do so; all threads of an island come here. `free`: nothing
+    joins its particles."""
     swift = that_hasten(sets)
     if len(swift) > 0:
-        alone = len(swift) == len(sets)
+        alone = free and len(swift) == len(sets)
         type(swift[0]).hasten(swift[0], swift, alone, parts, c, before, share, t, h)
         meet(share.gate, share.threads)
     for each in sets:

@@ -88,7 +88,7 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, 
     meet(share.gate, share.threads)
     if w.number[LAPS] > 0:
         begin_ways(f, sets[0].a, c, before, share, t, h)
-        bend_ways(w, parts, c, before, share, t, h)
+        bend_ways(w, alone, parts, c, before, share, t, h)
         meet(share.gate, share.threads)
         if share.number == 0:
             w.number[LAPS] = choose(f, alone, h, elastic)

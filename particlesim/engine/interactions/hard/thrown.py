@@ -3,7 +3,8 @@
 Forces and rebounds look alike where only the ends of a step are known: both change the velocity. A particle counts as
 thrown back by a collider that it may have touched, where forces on it alone do not explain how its velocity has changed, and
 that has come to the collider and leaves it, where it ends or at the bend of its way, or has changed along the normal. What
-forces have done to it in the step is then what these have done. What moves as no method does has a bend, too.
+forces have done to it in the step is then what these have done. What moves as no method does has a bend, too, unless other
+particles act on it, whose forces change within the step.
 """
 
 from __future__ import annotations
@@ -34,11 +35,12 @@ LEFT = 1e-9
 """Speed that is left after an impact without rebound by rounding, as a part of that before it."""
 
 
-def bend_ways(w: Any, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
-    """Bend the ways of the members of a share that have been thrown back in a step of h that ends at time t."""
+def bend_ways(w: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+    """Bend the ways of the members of a share that have been thrown back in a step of h that ends at time t; `alone`: they
+    act on each other by impulses only."""
     for part in parts:
         note_kicks(w, part.forces, c, t, h, max(part.first, share.first), min(part.last, share.last))
-    find_strange(w, c, before, h, share.first, share.last)
+    find_strange(w, alone, c, before, h, share.first, share.last)
     for part in parts:
         first, last = max(part.first, share.first), min(part.last, share.last)
         for collider in colliders_of(part):
@@ -56,12 +58,12 @@ def note_kicks(w: Any, forces: Any, c: Any, t: Any, h: Any, first: Any, last: An
 
 
 @outlined
-def find_strange(w: Any, c: Any, before: Any, h: Any, first: Any, last: Any) -> None:
+def find_strange(w: Any, alone: bool, c: Any, before: Any, h: Any, first: Any, last: Any) -> None:
     """Find those of particles [first, last) that move as no method does."""
     for i in range(first, last):
         lasts = w.when[ENDS, i] - w.when[BEGUN, i]
         if (lasts > 0) & (w.light[i] > 0):
-            w.what[THROWN, i] = SOMETHING if way_of(c, before, i, lasts * float(h)) < 0 else 0
+            w.what[THROWN, i] = SOMETHING if alone and way_of(c, before, i, lasts * float(h)) < 0 else 0
 
 
 @outlined
