@@ -38,6 +38,7 @@ from particlesim.integrators import WisdomHolmanMethod
 from particlesim.interactions import PairSet
 from particlesim.model.arrays import Ints
 from particlesim.process.threads import Team
+from particlesim.scenario.reach import interacting, touches_by_surfaces
 from particlesim.scenario.scenario import Scenario
 from particlesim.trajectory.topology import Topology
 
@@ -184,8 +185,12 @@ class CoupledIsland(BaseIsland):
 
     def meets_bodies(self, name: str) -> bool:
         hard = (each for each in self._sets if isinstance(each, PairSet) and each.law.by_impulses)
-        here = self._obstacles is not None and not self._obstacles.waits[0]
-        return here and any(name in each.groups for each in hard)
+        mine = (each for each in hard if name in each.groups)
+        # contacts of surfaces follow nobody along its way, as those of grains do (`hard.swift`)
+        follows = (
+            not touches_by_surfaces(each.law, interacting(each.law, self._scenario.groups)) for each in mine
+        )
+        return self._obstacles is not None and not self._obstacles.waits[0] and any(follows)
 
     def leave(self, name: str, guests: Ints, left: Ints) -> None:
         self._left[name] = guests, left

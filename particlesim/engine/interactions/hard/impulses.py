@@ -304,7 +304,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         turn, going, deepest, far = 0, True, 0.0, 0.0
         while (turn < TURNS_APART[0]) | (going & (turn < TURNS_APART[1])):
             most = move_apart(each, c)
-            put_out_of_bodies(each, parts, c, t)
+            put_out_of_bodies(each.ways.obstacles, parts, c, t)
             deepest = put_on_walls(each, parts, c, t)
             far, going = max(far, most), most > MUCH
             turn += 1
@@ -316,7 +316,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), most))
         note_impulses(each, c, before)
     else:
-        put_out_of_bodies(each, parts, c, t)
+        put_out_of_bodies(each.ways.obstacles, parts, c, t)
         remember(each, walls)
 
 

@@ -414,14 +414,13 @@ def put_out_of(each: Any, collider: Any, c: Any, t: Any, first: Any, last: Any) 
 
 
 @outlined
-def put_out_of_bodies(each: Any, parts: Any, c: Any, t: Any) -> None:
-    """What has been among bodies in the step, and has been pushed deep into one since then, as between the others of a heap
-    into which that one falls, is put out of it, but not into colliders."""
-    o = each.ways.obstacles
+def put_out_of_bodies(o: Any, parts: Any, c: Any, t: Any) -> None:
+    """What has been among bodies in the step, and has come deep into one since then, as between the others of a heap into
+    which that one falls, or as springs pull it, is put out of it, but not into colliders; `o`: the bodies, None without."""
     if o is None:
         return
     for i in range(c.r.size):
-        if (o.guests[i] > 0) & (each.a[i] > 0) & (not held(c.clock, i)):
+        if (o.guests[i] > 0) & (not held(c.clock, i)):
             r, at = float(c.r[i]), (float(c.x[i]), float(c.y[i]), float(c.z[i]))
             x = type(o).outside(o, at, r, i, IN_BODIES * r)
             if x[0] != at[0] or x[1] != at[1] or x[2] != at[2]:

@@ -17,6 +17,7 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.engine.barrier import meet
 from particlesim.engine.interactions.element_tensors import CornerTensors
+from particlesim.engine.interactions.hard.walls import put_out_of_bodies
 from particlesim.engine.interactions.interaction import Floats, Interaction, Ints, Site
 from particlesim.engine.interactions.lifting import book, lifted
 from particlesim.engine.interactions.neighbours.record import OVERFLOW, enlarged
@@ -90,7 +91,7 @@ EFFORT = 4
 
 class SurfaceColumns(NamedTuple):
     """The law, what touches, candidates, contacts of the step, scratch, a report, what is tuned, particles beside colliders,
-    and the energy that moving particles apart has given them so far [1] [J]."""
+    the energy that moving particles apart has given them so far [1] [J], and rigid bodies that they touch, None without."""
 
     law: Any
     simplices: Simplices
@@ -101,6 +102,7 @@ class SurfaceColumns(NamedTuple):
     tune: Any
     beside: Beside
     fed: Any
+    obstacles: Any = None
 
 
 class SurfaceContacts(Interaction, SurfaceColumns):
@@ -115,6 +117,10 @@ class SurfaceContacts(Interaction, SurfaceColumns):
         pass
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+        if self.obstacles is not None:
+            if share.number == 0:
+                put_out_of_bodies(self.obstacles, parts, c, t)
+            meet(share.gate, share.threads)
         find(self, c, before, share, t, h)
         if share.number == 0:
             resolve(self, parts, c, before, share.gate, t, h)
@@ -330,7 +336,9 @@ def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
     found, desk = new_candidates(none, count, 0), new_desk(count)
     # the island may have other groups than these, and seams change shapes: room for each collider of each group
     beside = new_beside(none, count, len(site.scenario.all_colliders) * len(site.scenario.groups))
-    made = SurfaceContacts(law, none, found, new_touches(0), desk, report, tune, beside, np.zeros(1))
+    made = SurfaceContacts(
+        law, none, found, new_touches(0), desk, report, tune, beside, np.zeros(1), site.obstacles
+    )
     return made._replace(**laid(made, triangles, edges, sides))
 
 
