@@ -22,6 +22,10 @@ from particlesim.scenario.scenario import Scenario
 
 THINNEST = 64
 """The thickness of shapes, in steps between two numbers at a place, from which on contact knows their sides for sure."""
+LIES_IN = 0.1
+"""How deep a grain with soft contact may be in a collider at rest, as a part of its radius."""
+PUT = "the first step puts them on its surface, which changes their energy"
+PUSHED = "its contact pushes them out, with all the energy that this stores"
 
 
 def doubtful(world: World) -> tuple[str, ...]:
@@ -60,10 +64,13 @@ def misplaced(world: World) -> tuple[str, ...]:
         )  # no room is told of a particle once, however many colliders it is in
         for overlap in overlaps(island, structure):
             state = overlap.state
+            soft = structure.touched_softly(state.name)
+            if soft and overlap.depth < LIES_IN * state.radius[overlap.deepest]:
+                continue
             found.append(
                 f"{overlap.number:,} of {state.count:,} particles of {state.name!r} start inside "
-                f"{called(world, overlap.collider)}, the deepest (id {state.id[overlap.deepest]}) by {overlap.depth:.3g} "
-                "m: the first step puts them on its surface, which changes their energy"
+                f"{called(world, overlap.collider)}, the deepest (id {state.id[overlap.deepest]}) by {overlap.depth:.3g} m: "
+                + (PUSHED if soft else PUT)
             )
             if (state.name, overlap.deepest) in looked:
                 continue

@@ -64,6 +64,17 @@ def test_gravity_twice_and_a_burst_that_never_comes() -> None:
     assert "at 1 s" in next(line for line in said if "never born" in line)
 
 
+@pytest.mark.parametrize(("height", "told"), [(0.098, None), (0.05, "its contact pushes them out")])
+def test_a_soft_grain_that_lies_in_a_plane(height: float, told: str | None) -> None:
+    scene = table("rk4", {"type": "gravity"}) | {"planes": [{"name": "floor"}]}
+    scene["simulation"] |= {"dt": 1e-3, "duration": 0.01}
+    scene["interactions"] = [{"type": "contact", "model": "hertz", "young_modulus": 1e5}]
+    scene["particles"][0] |= {"radius": 0.1, "mass": 0.1}
+    scene["particles"][0]["layout"]["position"] = [[0, height, 0], [0, 2, 0]]
+    inside = [line for line in ps.run(ps.from_table(scene)).warnings if "start inside" in line]
+    assert [told in line for line in inside] == ([] if told is None else [True])
+
+
 @pytest.mark.parametrize(("height", "told"), [(1.0, False), (0.1, False), (0.05, True), (-3.0, True)])
 def test_a_start_inside_a_plane(height: float, told: bool) -> None:
     scene = table("rk4", {"type": "gravity"}) | {"planes": [{"name": "floor"}]}
