@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from particlesim.colliders import COMPONENTS, SOLIDS
+from particlesim.colliders.cuts import cut_contact, is_cut
 from particlesim.colliders.emptiness import common_of, surely_apart
 from particlesim.colliders.gaps import gaps_of
 from particlesim.colliders.half_space import HalfSpace
@@ -103,7 +104,12 @@ class Combination(Solid):
         return listed(self.of)
 
     def whole(self) -> tuple[Any, ...]:
-        """The shapes whose intersection it is, as kernels take them."""
+        """The shapes whose intersection it is, one for each solid, as kernels take them."""
+        raise NotImplementedError
+
+    def pieces(self) -> tuple[Any, ...]:
+        """The same, without intersections and outsides of unions among them: all are convex, or the outsides of such, if the
+        solids in them are convex."""
         raise NotImplementedError
 
     def triangles(self) -> Triangles:
@@ -126,6 +132,18 @@ class CombinationCollider(SolidCollider):
 
     costly: ClassVar[bool] = True
 
+    def shape(self) -> Any:
+        """Outside of a union is outside of all of its parts, and outside of an intersection is outside of one at least."""
+        assert isinstance(self, Combination)
+        if not self.inside:
+            return self.geometry()
+        if isinstance(self, Union):
+            return IntersectionRecord(self.outsides(), self.grain())
+        first, *others = self.of
+        if isinstance(self, Intersection):
+            return UnionRecord(tuple(_outside_of(part) for part in self.of), self.grain())
+        return UnionRecord((_outside_of(first), *(part.geometry() for part in others)), self.grain())
+
     def doubts(self, name: str, lightest: float | None, dt: float) -> Iterator[str]:
         yield from super().doubts(name, lightest, dt)
         assert isinstance(self, Combination)
@@ -138,6 +156,21 @@ def _outside_of(part: Solid) -> Any:
     if isinstance(part, HalfSpace):
         return part.outside()
     return (HollowConvexRecord if part.convex else HollowRecord)(part.geometry(), part.grain())
+
+
+def _joint(part: Solid) -> tuple[Any, ...]:
+    """The shapes whose intersection is a solid, as kernels take them."""
+    return part.pieces() if isinstance(part, (Intersection, Difference)) else (part.geometry(),)
+
+
+def _outsides(part: Solid) -> tuple[Any, ...]:
+    """The shapes whose intersection is what is not in a solid, as kernels take them."""
+    return part.outsides() if isinstance(part, Union) else (_outside_of(part),)
+
+
+def _few(pieces: tuple[Any, ...], whole: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Pieces, or what they are pieces of, if they are too many to be looked at in turn."""
+    return pieces if len(pieces) <= MOST_PARTS else whole
 
 
 def _least_reach(parts: Sequence[Solid]) -> float:
@@ -173,6 +206,10 @@ class Union(Combination):
 
     def geometry(self) -> Any:
         return UnionRecord(tuple(part.geometry() for part in self.of), self.grain())
+
+    def outsides(self) -> tuple[Any, ...]:
+        """The shapes whose intersection is all outside of it."""
+        return tuple(_outside_of(part) for part in self.of)
 
     def triangles(self) -> Triangles:
         return joined([self.surface_of(part) for part in self.of])  # what lies inside of another is not seen
@@ -249,8 +286,11 @@ class Intersection(Combination):
     def whole(self) -> tuple[Any, ...]:
         return tuple(part.geometry() for part in self.of)
 
+    def pieces(self) -> tuple[Any, ...]:
+        return tuple(each for part in self.of for each in _joint(part))
+
     def geometry(self) -> Any:
-        return IntersectionRecord(self.whole(), self.grain())
+        return IntersectionRecord(_few(self.pieces(), self.whole()), self.grain())
 
 
 class IntersectionCollider(Intersection, CombinationCollider):
@@ -302,8 +342,12 @@ class Difference(Combination):
             *(_outside_of(part) for part in others),
         )
 
+    def pieces(self) -> tuple[Any, ...]:
+        first, *others = self.of
+        return (*_joint(first), *(each for part in others for each in _outsides(part)))
+
     def geometry(self) -> Any:
-        return IntersectionRecord(self.whole(), self.grain())
+        return IntersectionRecord(_few(self.pieces(), self.whole()), self.grain())
 
     def words(self) -> str:
         first, *others = self.of
@@ -480,4 +524,6 @@ def intersection_first_contact(
 ) -> float:
     if bend(c) > 0:  # what convex solids have in common is convex, however thin it is
         return convex_contact(c, p, q, h, slack)
+    if is_cut(c):
+        return cut_contact(c, p, q, h, slack)
     return marched_contact(c, p, q, h, slack, c.grain)

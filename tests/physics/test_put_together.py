@@ -143,3 +143,50 @@ def test_what_begins_with_a_plane_can_be_led(kind: str) -> None:
     )
     np.testing.assert_allclose(places[-1], [[3.0, 0.25, 0.0]], atol=1e-9)
     np.testing.assert_allclose(speeds[-1], [[0.0, 0.5, 0.0]], atol=1e-9)
+
+
+ROOMS = {
+    "wall": [{"type": "box", "center": [x, 0, 0], "size": [1, 2, 2]} for x in (-0.5, 0.5)],
+    "box": {"type": "box", "size": [2.002, 2.002, 2.002]},
+}
+
+
+def apart(solids: list[dict[str, Any]], thick: float) -> list[dict[str, Any]]:
+    """Two rooms that a wall of some thickness parts."""
+    sides = (-0.5 - 0.5 * thick, 0.5 + 0.5 * thick)
+    return [{**solid, "center": [x, 0, 0]} for solid, x in zip(solids, sides, strict=True)]
+
+
+@pytest.mark.parametrize("thick", [1e-4, 1e-6, 1e-9])
+@pytest.mark.parametrize(
+    "kind", ["rooms in a box", "rooms put together", "a blade in a room", "a pipe", "a shell"]
+)
+def test_no_point_passes_what_is_left_of_convex_solids_however_thin_it_is(kind: str, thick: float) -> None:
+    """Points had passed what is thinner than 10⁻⁴ of the least length of the parts."""
+    two, rng, n = apart(ROOMS["wall"], thick), np.random.default_rng(3), 60
+    pipe = [{"type": "cylinder", "start": [0, -s, 0], "end": [0, s, 0]} for s in (1, 2)]
+    solid: dict[str, Any] = {
+        "rooms in a box": {"type": "difference", "of": [ROOMS["box"], {"type": "union", "of": two}]},
+        "rooms put together": {"type": "union", "of": two, "inside": True},
+        "a blade in a room": {
+            "type": "difference",
+            "inside": True,
+            "of": [{"type": "box", "size": [2, 2, 2]}, {"type": "box", "size": [thick, 3, 3]}],
+        },
+        "a pipe": {
+            "type": "difference",
+            "of": [pipe[0] | {"radius": 1.0}, pipe[1] | {"radius": 1 - thick}],
+        },
+        "a shell": {"type": "difference", "of": [BALL, {**BALL, "radius": 1 - thick}]},
+    }[kind]
+    side, a = np.where(np.arange(n) % 2, 1.0, -1.0), rng.uniform(0, 2 * np.pi, n)
+    x = np.stack([side * rng.uniform(0.1, 0.5, n), *rng.uniform(-0.5, 0.5, (2, n))], axis=1)
+    v = 10 ** rng.uniform(0, 3, (n, 1)) * np.stack([np.cos(a), 0 * a, np.sin(a)], axis=1)
+    layout = {"type": "points", "position": x.tolist(), "velocity": v.tolist()}
+    given = table(0.1, 0.01, particles=[{"layout": layout}], colliders=[{**solid, "restitution": 0.9}])
+    end = np.array(ps.run(ps.from_table(given)).final["position"])
+    if kind in ("a pipe", "a shell"):
+        assert np.hypot(end[:, 0], end[:, 2]).max() < 1
+    else:
+        assert (end[:, 0] * side).min() > 0
+        assert np.abs(end).max() < 1.001
