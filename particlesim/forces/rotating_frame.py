@@ -34,6 +34,9 @@ class RotatingFrame(Force):
     def needs_velocity(self) -> bool:
         return True
 
+    def changes(self) -> bool:
+        return any(self.angular_acceleration)
+
     def record(self) -> RotatingFrameRecord | ChangingFrameRecord:
         if any(self.angular_acceleration):
             return ChangingFrameRecord(*self.center, *self.angular_velocity, *self.angular_acceleration)

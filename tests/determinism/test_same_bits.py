@@ -196,3 +196,53 @@ def test_frames_change_contacts_with_friction_by_rounding_only(law: dict[str, An
         ends.append(np.hstack([final.velocity, 0.1 * final["angular_velocity"]]))
     assert np.abs(ends[0] - ends[1]).max() <= 1e-13
     assert np.abs(ends[2] - ends[1]).max() <= 1e-13
+
+
+BOWL = {
+    "type": "sphere",
+    "center": [0, 1, 0],
+    "radius": 1.0,
+    "inside": True,
+    "restitution": 0.2,
+    "friction": 0.5,
+}
+TABLE = {"type": "box", "center": [0, -0.5, 0], "size": [4, 1, 4], "restitution": 0.2, "friction": 0.5}
+
+
+@pytest.mark.parametrize("ground", [{"type": "plane", "restitution": 0.2, "friction": 0.5}, TABLE, BOWL])
+@pytest.mark.parametrize(
+    "wakes",
+    [
+        {"forces": [{"type": "field", "force": ["0", "20 * m if 0.8 < t else 0", "0"]}]},
+        {
+            "forces": [
+                {"type": "rotating_frame", "angular_velocity": [0, 0, 0], "angular_acceleration": [0, 8, 0]}
+            ]
+        },
+        {"impulses": [{"at": 0.75, "impulse": [1, 2, 0]}]},
+        {"motions": [{"collider": "ground", "path": ["x", "y + 0.2 * max(t - 0.7, 0)", "z"]}]},
+        {"interactions": []},
+    ],
+)
+def test_what_rests_is_left_until_something_wakes_it(ground: dict[str, Any], wakes: dict[str, Any]) -> None:
+    """The steps of a block in which one has moved nothing are over, if all are the same: in one interval and in many."""
+    given = {
+        "simulation": {"duration": 1.2, "dt": 0.005, "integrator": "symplectic_euler"},
+        "output": {"every": 240, "precision": "double"},
+        "particles": [points(*((0.02 * k, 0.02 + 0.001 * k * k, 0.01 * k) for k in range(9)))],
+        "colliders": [{"name": "ground", **ground}],
+        **wakes,
+        "forces": [{"type": "gravity"}, *wakes.get("forces", [])],
+    }
+    ends = []
+    for stops in ((140, 240), range(1, 241)):
+        run = Simulation(ps.from_table(given))
+        places = {}
+        for step in stops:
+            run.advance_to(step)
+            places[step] = run.states[0].x[:, :9].copy()
+        ends.append((places[140], places[240], run.states[0].v[:, :9].copy()))
+    for one, other in zip(*ends, strict=True):
+        assert np.array_equal(one, other)
+    moves = np.abs(ends[0][1] - ends[0][0]).max()
+    assert moves == 0 if "interactions" in wakes else moves > 0.01

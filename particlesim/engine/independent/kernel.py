@@ -51,6 +51,7 @@ from particlesim.engine.step.clearance import (
     distance_of,
     foothold,
     holds,
+    is_steady,
     keep_way,
     keeps_clear,
     leads_back,
@@ -323,6 +324,18 @@ def _hit(program: Any, c: Any, t: Any, end: Any, h: Any, inverse: Any, room: Any
                 note_way(room.ways, i, p, free, q, end)
 
 
+def first_moved(c: Any, before: Any, begin: Any) -> Any:
+    """The first particle of a block, from one on, that a step has not led back to where it began, and as fast; −1 if there
+    is none."""
+    i = begin
+    while i < c.x.size:
+        same = (c.x[i] == before[0, i]) & (c.y[i] == before[1, i]) & (c.z[i] == before[2, i])
+        if not (same & (c.vx[i] == before[3, i]) & (c.vy[i] == before[4, i]) & (c.vz[i] == before[5, i])):
+            return i
+        i += 1
+    return -1
+
+
 def refresh(program: Any, c: Any, t: Any) -> None:
     """Give particles without inertia the velocity of their place, for the record; others have it already."""
     if isinstance(program.dynamics, Newtonian):
@@ -379,13 +392,15 @@ def step_range(
     faults: Any,
     room: Any,
     rested: Any = None,
+    steady: bool = False,
 ) -> None:
     """Advance particles [first, last) by `steps` steps of dt, the first of which begins at first_step · dt.
 
     A block in which a number stops being finite is put back to its state at the beginning, and faults[k] is set for its
     first particle k, so that the caller can look for the step and the particle. `room` is that of `new_room` for these
     columns and this block, one for every thread; `rested` [14, n]: what is kept of every particle from one interval to the
-    next (`lasts`), None if nothing is.
+    next (`lasts`), None if nothing is. `steady`: forces are the same in all steps, so that the steps of a block in which
+    one has moved nothing are over, where contact does the same in all of them, too.
     """
     kept, inverse = room.kept, room.inverse
     for lo in range(first, last, block):
@@ -406,10 +421,19 @@ def step_range(
                     recall_way(room.ways, i, rested[:, lo : lo + n], c, first_step * dt)
         room.wait[0] = type_of(c.m[0], 0)
         born, gone = lifetimes(c.clock)
+        last_step, moved = (first_step + steps) * dt, 0
         for s in range(steps):
             begin, end = (first_step + s) * dt, (first_step + s + 1) * dt
             if end > born and begin < gone:
                 step_block(program, c, begin, end, h, inverse, room)
+            if is_steady(program.contacts, c.memory) and c.clock is None and steady:
+                # what has moved last is looked at first
+                if first_moved(c, room.before, moved) != moved:
+                    moved = first_moved(c, room.before, 0)
+                if moved < 0:
+                    for i in range(n):
+                        room.ways[6, i] = last_step if room.ways[6, i] == end else room.ways[6, i]
+                    break
         refresh(program, c, (first_step + steps) * dt)
         broken = False
         for i in range(n):

@@ -23,8 +23,10 @@ from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.engine.step.clearance import RESTED, lasts
 from particlesim.engine.step.contacts import Simple
 from particlesim.engine.step.newton import unsolved
+from particlesim.engine.step.particle_step import Newtonian
 from particlesim.engine.step.program import BLOCK, Program
 from particlesim.engine.step.records import group_program
+from particlesim.forces.base import Force
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Particles
 from particlesim.integrators import EmbeddedRungeKutta, ImplicitMethod
@@ -38,6 +40,14 @@ with its roots and powers, a decision."""
 
 BOOKED_TOGETHER = 4096
 """Particles whose own steps are in memory at the same time, to book them."""
+
+
+def is_steady_force(force: Force) -> bool:
+    """Whether a force stays the same as long as a particle stays as it is. Of those that others have written that is not
+    known."""
+    parts = (force, *getattr(force, "flow", ()))
+    known = all(type(part).__module__.startswith("particlesim.") for part in parts)
+    return known and not force.changes() and "temperature" not in force.needs()
 
 
 class IndependentIsland(BaseIsland):
@@ -55,6 +65,7 @@ class IndependentIsland(BaseIsland):
         (self.group,), (forces,), (colliders,) = structure.groups, structure.forces, structure.colliders
         self.program: Program = group_program(structure, forces, colliders, self.group, self.state.dtype)
         self._block = block
+        self._steady = isinstance(self.program.dynamics, Newtonian) and all(map(is_steady_force, forces))
         self._adaptive = structure.method.adaptive
         self._fixed = isinstance(self.group, Particles) and self.group.pinned is True
         self._booking = None if self.books is None else ParticleBooks(self.books, self.program.forces)
@@ -204,7 +215,8 @@ class IndependentIsland(BaseIsland):
         else:
             room = new_room(columns, block) if block != self._block else self._own_room(columns)
             rested = self._rested if block == self._block else None
-            step_range(self.program, columns, first, steps, self.dt, a, b, block, faults, room, rested)
+            range_ = (a, b, block, faults, room, rested, self._steady)
+            step_range(self.program, columns, first, steps, self.dt, *range_)
 
     def _own_room(self, columns: Columns) -> Room:
         """Room for a block, of this thread."""

@@ -132,10 +132,18 @@ def repeats(contacts: Any, memory: Any) -> bool:
     """Whether a step that ends where and as fast as it began does so again under the same forces, and it is worth it to
     remember that: some collider is no plane, all are at rest, no emitter reacts to impacts, and nothing but steps moves
     particles or changes what their method remembers."""
+    slow = any(crossable(c) or bends(c) for c in contacts.continuous)
+    return slow and is_steady(contacts, memory)
+
+
+def is_steady(contacts: Any, memory: Any) -> bool:
+    """Whether contact does the same in all steps, nobody hears of it, and nothing but steps moves particles or changes what
+    their method remembers."""
+    if isinstance(contacts, Simple):
+        return False
     colliders = contacts.continuous + contacts.discrete
     still = not any(isinstance(c.shape, MovingRecord) or c.response.heard is not None for c in colliders)
-    slow = any(crossable(c) or bends(c) for c in contacts.continuous)
-    return slow and still and len(contacts.soft) == 0 and len(memory) == 0
+    return still and len(contacts.soft) == 0 and len(memory) == 0
 
 
 def lasts(contacts: Any, memory: Any) -> bool:
