@@ -7,7 +7,7 @@ from typing import Any
 from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
 from particlesim.engine.coupled.rebounds import note_rebound
-from particlesim.engine.state.columns import block_of, fetch, note, span, store, tire, type_of
+from particlesim.engine.state.columns import block_of, fetch, let_know, note, span, store, tire, type_of
 from particlesim.engine.step.at_rest import overlapped, respond, turning
 from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed
 from particlesim.engine.step.crossing import crossings, passable, passed, thin
@@ -34,10 +34,8 @@ def forget(memory: Any, i: Any) -> None:
 
 def nudge(memory: Any, i: Any, q: Any, r: Any) -> None:
     """Let the method's memory of particle i know that it lies on something, and ends its step with the velocity of r instead
-    of that of q. Where it began again in each step, swings along a surface would grow."""
-    memory[0][i] += r.vx - q.vx
-    memory[1][i] += r.vy - q.vy
-    memory[2][i] += r.vz - q.vz
+    of that of q."""
+    let_know(memory, i, r.vx - q.vx, r.vy - q.vy, r.vz - q.vz)
 
 
 def collide(

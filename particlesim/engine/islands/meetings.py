@@ -202,12 +202,12 @@ class Meetings:
             rows = rows[changed]
             if state.name in self._tied:
                 self._note(state, rows, after.shift[:, part][:, changed], after.v[:, part][:, changed])
+            had = state.v[:, rows].copy()
             state.x[:, rows] += after.shift[:, part][:, changed].astype(state.dtype)
             state.v[:, rows] = after.v[:, part][:, changed]
             if SPIN in state.parts:
                 state.angular_velocity[:, rows] = after.turning[:, part][:, changed]
-            if len(state.memory):
-                state.memory[-1, rows] = 0
+            state.let_know(rows, state.v[:, rows] - had)
             if len(rows):
                 self._islands[state.name].fit()
         self._bodies.ties.leave(after.v - visitors.v, visitors.gain)
@@ -257,11 +257,11 @@ class Meetings:
             part = slice(first, first + len(mine))
             first += len(mine)
             changed = here[part] & (found[0][:, part] != v[:, part]).any(axis=0)
+            had = state.v[:, mine[changed]].copy()
             state.v[:, mine[changed]] = found[0][:, part][:, changed]
             if SPIN in state.parts:
                 state.angular_velocity[:, mine[changed]] = found[1][:, part][:, changed]
-            if len(state.memory):
-                state.memory[-1, mine[changed]] = 0
+            state.let_know(mine[changed], state.v[:, mine[changed]] - had)
 
     def _note(self, state: GroupState, rows: Ints, shift: Floats, v: Floats) -> None:
         """Note for the account of work what springs and rods do to particles before these make their own step."""

@@ -236,6 +236,22 @@ def recall(memory: Any, i: Any) -> Any:
     return tuple(array[i] for array in memory)
 
 
+STORMER = 4
+"""How many numbers Störmer's rule remembers: a velocity, and the step with which it came about."""
+
+
+def let_know(memory: Any, i: Any, x: Any, y: Any, z: Any) -> None:
+    """Let a method know that something at the end of a step has changed the velocity of particle i by so much [m/s].
+    Störmer's rule goes on with it: where it began again in each step, springs would gain energy, and where it did so at one
+    end of a spring alone momentum. Others begin again."""
+    if len(memory) == STORMER:
+        memory[0][i] += type_of(memory[0][i], x)
+        memory[1][i] += type_of(memory[1][i], y)
+        memory[2][i] += type_of(memory[2][i], z)
+    elif len(memory) > 0:
+        memory[-1][i] = 0
+
+
 def remember(memory: Any, i: Any, condition: Any, values: Any) -> None:
     """Store element i of every array of the tuple where the condition holds."""
     for array, value in zip(memory, values, strict=True):

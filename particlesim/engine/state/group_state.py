@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.state.clinging import NONE, Holder, carried, catch
-from particlesim.engine.state.columns import Clock, Columns, Spin, Thermal
+from particlesim.engine.state.columns import STORMER, Clock, Columns, Spin, Thermal
 from particlesim.engine.state.prescribed import Driven, drive_to
 from particlesim.engine.state.table import (
     CLINGS,
@@ -30,6 +30,7 @@ from particlesim.engine.state.table import (
 )
 from particlesim.groups.group import Cooling
 from particlesim.laws.registry import ABSORB, KILL, LEAVE, STICK, Particle
+from particlesim.model.arrays import Floats, Ints
 from particlesim.model.attributes import FURTHER
 from particlesim.model.quaternions import UNTURNED, times
 
@@ -266,10 +267,18 @@ class GroupState:
         """Δv = j/m for every particle that is free to move; methods that remember the velocity start anew."""
         n = self.count
         free = np.isfinite(self.start[:n]) if self.clocked else np.ones(n, bool)
+        had = self.v[:, :n].copy()
         for k, j in enumerate(impulse):
             self.v[k, :n][free] += (j / self.mass[:n].astype(float)[free]).astype(self.dtype)
-        if len(self.memory):
-            self.memory[-1, :n] = 0
+        self.let_know(np.arange(n), self.v[:, :n] - had)
+
+    def let_know(self, rows: Ints, change: Floats) -> None:
+        """Something has changed the velocities of particles between steps [m/s], shape [3, rows]: Störmer's rule goes on
+        with that, other methods that remember them begin again."""
+        if len(self.memory) == STORMER:
+            self.memory[:3, rows] += change
+        elif len(self.memory):
+            self.memory[-1, rows] = 0
 
     def kinetic(self) -> float:
         """Kinetic energy of the group, without that of its rotation [J]."""

@@ -25,7 +25,7 @@ from particlesim.engine.interactions.hard.at_once import (
 from particlesim.engine.interactions.hard.bench import COUNT, KEPT, PAIRED
 from particlesim.engine.interactions.hard.memory import way_by
 from particlesim.engine.interactions.touching import line_between
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import let_know, type_of
 
 DONE = -1.0
 """In place of what a pair has been given: that it has been moved apart."""
@@ -50,8 +50,7 @@ def move_on(each: Any, c: Any, h: Any) -> None:
                 c.x[i] += type_of(c.x[i], way * dx)
                 c.y[i] += type_of(c.y[i], way * dy)
                 c.z[i] += type_of(c.z[i], way * dz)
-                if len(c.memory) > 0:  # what its method remembers no longer holds
-                    c.memory[-1][i] = 0
+                let_know(c.memory, i, dx, dy, dz)
 
 
 @outlined

@@ -62,7 +62,7 @@ from particlesim.engine.interactions.hard.ways import (
     place_at,
 )
 from particlesim.engine.queue import empty, put_in_order
-from particlesim.engine.state.columns import type_of
+from particlesim.engine.state.columns import let_know, type_of
 
 ANEW = 2
 """For HIT: that a particle has been followed anew, and nobody has hit it."""
@@ -307,6 +307,7 @@ def conclude_ways(w: Any, c: Any, before: Any, share: Any) -> None:
             w.what[HIT, i] = 1 if w.what[IMPACTS, i] > 1 else 0
         if (w.what[HIT, i] > 0) & (w.light[i] > 0):
             now, w.number[STRUCK] = place_at(w, i, w.when[ENDS, i]), 1
+            had = float(c.vx[i]), float(c.vy[i]), float(c.vz[i])
             for axis, (x, v) in enumerate(((c.x, c.vx), (c.y, c.vy), (c.z, c.vz))):
                 # velocities that are late are so by all forces
                 speed = w.speed[axis, i] + w.late[0] * w.carried[axis, i]
@@ -315,5 +316,4 @@ def conclude_ways(w: Any, c: Any, before: Any, share: Any) -> None:
             if c.spin is not None:
                 for axis, spin in enumerate((c.spin.wx, c.spin.wy, c.spin.wz)):
                     spin[i] = type_of(spin[i], w.spin[axis, i])
-            if len(c.memory) > 0:  # what its method remembers no longer holds
-                c.memory[-1][i] = 0
+            let_know(c.memory, i, float(c.vx[i]) - had[0], float(c.vy[i]) - had[1], float(c.vz[i]) - had[2])

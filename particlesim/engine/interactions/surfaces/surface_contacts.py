@@ -77,6 +77,7 @@ from particlesim.engine.interactions.surfaces.zones import (
     stand_on,
     sum_zones,
 )
+from particlesim.engine.state.columns import STORMER, let_know
 from particlesim.interactions import PairSet
 from particlesim.layouts.mesh import STRUCTURAL
 from particlesim.scenario.reach import has_extent
@@ -85,6 +86,8 @@ LOOKS = 4
 """How often what would still come too close becomes a contact; what does so after that moves as one."""
 MOST_ZONES = 200
 """Bound on the turns in which zones are joined."""
+TAKEN = 16
+"""Bit of a mark: that what a method remembers is without the velocity."""
 EFFORT = 4
 """About how many springs take as long as a simplex."""
 
@@ -234,6 +237,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
                 most, missed = max(most, fast), missed + more
                 look += 1
             report[CONTACTS] = first
+            before_impulses(s, desk, c)
             begin_impulses(touches, report)
             turn, going = 0, True
             while going & (turn < MORE_TURNS):
@@ -245,12 +249,32 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
                 move_as_one(each, parts, c, before, gate, t, h)
             if wide > 2 * SETTLED * tune[THIN]:  # more than what corrections leave
                 book(each.fed, lifted(parts, c, before, desk.mark, t, h))
-            if len(c.memory) > 0:
-                for j in range(s.rows.size):
-                    if (desk.mark[s.rows[j]] & 1) != 0:
-                        c.memory[-1][s.rows[j]] = 0
+            after_impulses(s, desk, c)
             if paired:
                 measure(s, found, x, before, report, tune)
+
+
+def before_impulses(s: Any, desk: Any, c: Any) -> None:
+    """Take velocities away from what Störmer's rule remembers of particles in contacts, to which `after_impulses` gives the
+    new ones."""
+    if len(c.memory) == STORMER:
+        for j in range(s.rows.size):
+            i = s.rows[j]
+            if (desk.mark[i] & 1) != 0:
+                desk.mark[i] |= TAKEN
+                let_know(c.memory, i, -c.vx[i], -c.vy[i], -c.vz[i])
+
+
+def after_impulses(s: Any, desk: Any, c: Any) -> None:
+    """Let the method know how velocities of particles in contacts have changed; it begins again with those that have become
+    such on the way."""
+    if len(c.memory) > 0:
+        for j in range(s.rows.size):
+            i = s.rows[j]
+            if (desk.mark[i] & TAKEN) != 0:
+                let_know(c.memory, i, c.vx[i], c.vy[i], c.vz[i])
+            elif (desk.mark[i] & 1) != 0:
+                c.memory[-1][i] = 0
 
 
 def move_as_one(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: Any) -> None:
