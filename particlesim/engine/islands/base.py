@@ -140,6 +140,10 @@ class BaseIsland:
         """Whether impacts on rigid bodies of particles of a group that come far in a step may be left to their own step."""
         return False
 
+    def keeps_out_of_bodies(self) -> bool:
+        """Whether its own contacts put particles out of bodies that have come deep into these in their step."""
+        return False
+
     def leave(self, name: str, guests: Ints, left: Ints) -> None:
         """Learn which particles of a group have been guests among bodies, and whose impacts on bodies are left to the step
         that comes."""

@@ -192,6 +192,9 @@ class CoupledIsland(BaseIsland):
         )
         return self._obstacles is not None and not self._obstacles.waits[0] and any(follows)
 
+    def keeps_out_of_bodies(self) -> bool:
+        return any(isinstance(each, PairSet) and each.law.by_impulses for each in self._sets)
+
     def leave(self, name: str, guests: Ints, left: Ints) -> None:
         self._left[name] = guests, left
 

@@ -8,6 +8,7 @@ from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.engine.faults import Fault
 from particlesim.engine.islands.base import BaseIsland
@@ -249,6 +250,10 @@ class Meetings:
             first += len(mine)
         here = np.concatenate([np.empty(0, np.int64), *rows]) >= 0
         here &= self._slow  # others may have left since
+        own = [self._islands[state.name].keeps_out_of_bodies() for state, _ in self._there]
+        loose = here & ~np.repeat(own, [len(each) for each in rows])
+        if loose.any() and self._bodies.put_out(x, loose.astype(np.int64)):
+            self._place(rows, x, loose)
         found = self._bodies.hold_guests(x, v, turning, here.astype(np.int64)) if number else None
         if found is None:
             return
@@ -262,6 +267,15 @@ class Meetings:
             if SPIN in state.parts:
                 state.angular_velocity[:, mine[changed]] = found[1][:, part][:, changed]
             state.let_know(mine[changed], state.v[:, mine[changed]] - had)
+
+    def _place(self, rows: Sequence[Ints], x: Floats, here: NDArray[np.bool_]) -> None:
+        """Particles that were guests, in these rows of their groups, are at x [3, n] if they are `here` [n]."""
+        first = 0
+        for (state, _), mine in zip(self._there, rows, strict=True):
+            part = slice(first, first + len(mine))
+            first += len(mine)
+            moved = here[part] & (x[:, part] != state.x[:, mine]).any(axis=0)
+            state.x[:, mine[moved]] = x[:, part][:, moved]
 
     def _note(self, state: GroupState, rows: Ints, shift: Floats, v: Floats) -> None:
         """Note for the account of work what springs and rods do to particles before these make their own step."""

@@ -27,6 +27,7 @@ from particlesim.engine.rigid.bodies import (
     new_motion,
 )
 from particlesim.engine.rigid.fluids import through_surface
+from particlesim.engine.rigid.grains import put_out
 from particlesim.engine.rigid.hearing import share_out, with_particles
 from particlesim.engine.rigid.joint_system import (
     made_joints,
@@ -302,6 +303,13 @@ class RigidIsland(BaseIsland):
         self._asked, self.visitors = lies(guests), visitors
         self.left = left(whole, guests, visitors, step * self.dt, self.dt)
         return None
+
+    def put_out(self, x: Floats, there: Ints) -> bool:
+        """After all islands have made a step: put guests at x [3, n] that are `there` [n] and have come deep into
+        bodies less deep into them; whether there are any."""
+        if self._party is None:
+            return False
+        return bool(put_out(self.bodies(), self._party[1].guests, x, there))
 
     def hold_guests(self, x: Floats, v: Floats, turning: Floats, there: Ints) -> tuple[Floats, Floats] | None:
         """After all islands have made a step: the velocities and angular velocities of the guests of this step where they

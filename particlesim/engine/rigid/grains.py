@@ -52,6 +52,9 @@ FAST = 0.5
 """Way relative to a body in a step, in radii, from which on it matters whom else a particle meets first."""
 ROUNDING = 1e-12
 """Part of an energy of rotation that rounding makes."""
+DEEP, BESIDE = 0.5, 0.5
+"""How deep a guest may be in a body after its own step, and how far beside one a particle is its guest at any speed, as what
+else acts on it may pull it there: as parts of its radius."""
 LEFT = 0.01
 """The part of the overlap that bodies are left which guests are."""
 
@@ -161,11 +164,13 @@ def near_bodies(
     sort(cells, b, bodies, 1.5 * h)
     for m in range(radius.size):
         at, own = row(x, m), row(v, m)
-        for k in range(gather_at(cells, at, radius[m] + 1.5 * h * np.sqrt(dot(own, own)), bodies, around)):
+        for k in range(
+            gather_at(cells, at, (1 + BESIDE) * radius[m] + 1.5 * h * np.sqrt(dot(own, own)), bodies, around)
+        ):
             i = around[k]
             if touch[b.group[i]] > 0:
                 d, u = minus(at, place(b, i)), minus(own, row(b.v, i))
-                reach = b.reach[i] + radius[m] + 1.5 * h * np.sqrt(dot(u, u))
+                reach = b.reach[i] + (1 + BESIDE) * radius[m] + 1.5 * h * np.sqrt(dot(u, u))
                 if dot(d, d) < reach * reach:
                     swift = h * np.sqrt(dot(u, u)) > FAST * radius[m]
                     near[m] = max(near[m], 3 if swift else 1)
@@ -199,6 +204,25 @@ def depths_in(b: Any, group: Any, x: Any, radius: Any, depth: Any, which: Any) -
                         away, _ = away_from(p, solid_of(p, number, place(b, i), r), at, found)
                         if radius[m] - away > depth[m]:
                             depth[m], which[m] = radius[m] - away, i
+
+
+@kernel
+def put_out(b: Any, guests: Any, x: Any, here: Any) -> bool:
+    """Put guests at x [3, n] that are `here` [n], touch bodies alone, and have come deep into one in their own step, as
+    where springs pull them, less deep into it; whether there are any. Further out they would take more energy of springs."""
+    found, p, some = on_stack(1, 9, np.float64), b.pieces, False
+    for m in range(guests.radius.size):
+        radius, kind = guests.radius[m], guests.kind[m]
+        for i in range(guests.first if here[m] > 0 and guests.crowd.linked[m] == 0 else 0):
+            group, d = b.group[i], minus(row(x, m), place(b, i))
+            if guests.touch[kind, group] > 0 and dot(d, d) < (b.reach[i] + radius) ** 2:
+                r = matrix(orientation(b, i))
+                for number in range(p.first[group], p.first[group + 1]):
+                    away, n = away_from(p, solid_of(p, number, place(b, i), r), row(x, m), found)
+                    if away - radius < -DEEP * radius:
+                        x[0, m], x[1, m], x[2, m] = plus(row(x, m), (1 - DEEP) * radius - away, n)
+                        some = True
+    return some
 
 
 @outlined
