@@ -237,7 +237,7 @@ def test_heaps_and_what_flies_are_left_to_turns() -> None:
     def chosen(pairs: list[tuple[int, int]], walls: list[int], n: int = 4) -> int:
         bench = SimpleNamespace(
             rows=np.array(pairs).T,
-            normal=np.tile([[1.0], *[[0.0]] * 6, [0.5], [0.5]], len(pairs)),
+            normal=np.tile([[1.0], *[[0.0]] * 6, [0.5], [0.5], *[[0.0]] * 5], len(pairs)),
             wall=np.array(walls, int),
             wall_normal=np.tile([[0.0], [1.0], *[[0.0]] * 7], len(walls)),
             desk=at_once.new_desk(len(pairs) + len(walls), n),
