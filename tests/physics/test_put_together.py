@@ -190,3 +190,24 @@ def test_no_point_passes_what_is_left_of_convex_solids_however_thin_it_is(kind: 
     else:
         assert (end[:, 0] * side).min() > 0
         assert np.abs(end).max() < 1.001
+
+
+@pytest.mark.parametrize("thick", [1e-5, 1e-3])
+@pytest.mark.parametrize("c", [0.5000005, 0.61368046549952, 0.7])
+def test_points_that_come_to_an_edge_of_a_room_stay_in_it(c: float, thick: float) -> None:
+    """The second of two walls is met at once after the first, where rounding decides on which side of it one is."""
+    room = {"type": "box", "center": [c] * 3, "size": [1, 1, 1]}
+    walls = {"type": "box", "size": [2 * (c + 0.5 + thick)] * 3}
+    rng, n = np.random.default_rng(0), 200
+    x, to = rng.uniform(c - 0.4, c + 0.4, (n, 3)), rng.uniform(c - 0.5, c + 0.5, (n, 3))
+    to[:, [0, 2]] = c + 0.5
+    v = (to - x) * (10 ** rng.uniform(-1, 2, n) / np.linalg.norm(to - x, axis=1))[:, None]
+    layout = {"type": "points", "position": x.tolist(), "velocity": v.tolist()}
+    given = table(
+        0.2,
+        0.01,
+        particles=[{"layout": layout}],
+        colliders=[{"type": "difference", "of": [walls, room], "restitution": 1.0}],
+    )
+    end = np.array(ps.run(ps.from_table(given)).final["position"])
+    assert np.abs(end - c).max() < 0.5 + 1e-9
