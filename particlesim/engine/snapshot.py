@@ -81,7 +81,7 @@ FOLLOWS: dict[str, frozenset[str]] = {
     ),
     "Loads": frozenset(("_away",)),
     "Ties": frozenset(("_sets", "_states", "rows", "held", "given", "awaited")),
-    "IndependentIsland": frozenset(("program", "_booking", "_rooms", "impacts")),
+    "IndependentIsland": frozenset(("program", "_booking", "_rooms", "_rested", "_steady", "impacts")),
     "CoupledIsland": frozenset(
         {
             *("names", "kept_from", "_scenario", "_structure", "_joined", "_stepper", "_site", "_sets"),

@@ -11,6 +11,7 @@ from simulate import points
 
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
+from particlesim.engine.snapshot import restore, snapshot
 
 STEPS = 60
 
@@ -244,5 +245,10 @@ def test_what_rests_is_left_until_something_wakes_it(ground: dict[str, Any], wak
         ends.append((places[140], places[240], run.states[0].v[:, :9].copy()))
     for one, other in zip(*ends, strict=True):
         assert np.array_equal(one, other)
+    run, again = Simulation(ps.from_table(given)), Simulation(ps.from_table(given))
+    run.advance_to(140)
+    restore(again, snapshot(run))
+    again.advance_to(240)
+    assert np.array_equal(again.states[0].x[:, :9], ends[0][1])
     moves = np.abs(ends[0][1] - ends[0][0]).max()
     assert moves == 0 if "interactions" in wakes else moves > 0.01
