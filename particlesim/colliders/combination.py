@@ -12,33 +12,18 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from particlesim.colliders import COMPONENTS, SOLIDS
-from particlesim.colliders.cuts import cut_contact, is_cut
 from particlesim.colliders.emptiness import common_of, surely_apart
 from particlesim.colliders.gaps import gaps_of
 from particlesim.colliders.half_space import HalfSpace
-from particlesim.colliders.solid import GRAIN, PARTS, HollowConvexRecord, HollowRecord, Solid, SolidCollider
+from particlesim.colliders.parts import IntersectionRecord, UnionRecord, spread
+from particlesim.colliders.solid import GRAIN, HollowConvexRecord, HollowRecord, Solid, SolidCollider
 from particlesim.colliders.triangulation import Triangles, clipped, joined, without_slivers
-from particlesim.colliders.way import convex_apart, convex_contact, lipschitz_apart, marched_contact
-from particlesim.laws.registry import (
-    Particle,
-    Vector,
-    apart,
-    bend,
-    first_contact,
-    gap,
-    gap_and_normal,
-    law,
-    least_gap,
-    normal,
-    sure_gap,
-    thinnest,
-)
 from particlesim.model.mistakes import invalid
 from particlesim.model.variants import Tagged
 
@@ -104,12 +89,11 @@ class Combination(Solid):
         return listed(self.of)
 
     def whole(self) -> tuple[Any, ...]:
-        """The shapes whose intersection it is, one for each solid, as kernels take them."""
+        """The shapes whose intersection it is, or union, one for each solid, as kernels take them."""
         raise NotImplementedError
 
-    def pieces(self) -> tuple[Any, ...]:
-        """The same, without intersections and outsides of unions among them: all are convex, or the outsides of such, if the
-        solids in them are convex."""
+    def outside(self) -> Any:
+        """All that is not in it, as kernels take it."""
         raise NotImplementedError
 
     def triangles(self) -> Triangles:
@@ -133,16 +117,8 @@ class CombinationCollider(SolidCollider):
     costly: ClassVar[bool] = True
 
     def shape(self) -> Any:
-        """Outside of a union is outside of all of its parts, and outside of an intersection is outside of one at least."""
         assert isinstance(self, Combination)
-        if not self.inside:
-            return self.geometry()
-        if isinstance(self, Union):
-            return IntersectionRecord(self.outsides(), self.grain())
-        first, *others = self.of
-        if isinstance(self, Intersection):
-            return UnionRecord(tuple(_outside_of(part) for part in self.of), self.grain())
-        return UnionRecord((_outside_of(first), *(part.geometry() for part in others)), self.grain())
+        return self.outside() if self.inside else self.geometry()
 
     def doubts(self, name: str, lightest: float | None, dt: float) -> Iterator[str]:
         yield from super().doubts(name, lightest, dt)
@@ -153,24 +129,9 @@ class CombinationCollider(SolidCollider):
 
 def _outside_of(part: Solid) -> Any:
     """What is not in a solid, as kernels take it."""
-    if isinstance(part, HalfSpace):
+    if isinstance(part, (HalfSpace, Combination)):
         return part.outside()
     return (HollowConvexRecord if part.convex else HollowRecord)(part.geometry(), part.grain())
-
-
-def _joint(part: Solid) -> tuple[Any, ...]:
-    """The shapes whose intersection is a solid, as kernels take them."""
-    return part.pieces() if isinstance(part, (Intersection, Difference)) else (part.geometry(),)
-
-
-def _outsides(part: Solid) -> tuple[Any, ...]:
-    """The shapes whose intersection is what is not in a solid, as kernels take them."""
-    return part.outsides() if isinstance(part, Union) else (_outside_of(part),)
-
-
-def _few(pieces: tuple[Any, ...], whole: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Pieces, or what they are pieces of, if they are too many to be looked at in turn."""
-    return pieces if len(pieces) <= MOST_PARTS else whole
 
 
 def _least_reach(parts: Sequence[Solid]) -> float:
@@ -204,12 +165,14 @@ class Union(Combination):
 
     type: Literal["union"] = "union"
 
-    def geometry(self) -> Any:
-        return UnionRecord(tuple(part.geometry() for part in self.of), self.grain())
+    def whole(self) -> tuple[Any, ...]:
+        return tuple(part.geometry() for part in self.of)
 
-    def outsides(self) -> tuple[Any, ...]:
-        """The shapes whose intersection is all outside of it."""
-        return tuple(_outside_of(part) for part in self.of)
+    def geometry(self) -> Any:
+        return spread(UnionRecord(self.whole(), self.grain()))
+
+    def outside(self) -> Any:
+        return spread(IntersectionRecord(tuple(_outside_of(part) for part in self.of), self.grain()))
 
     def triangles(self) -> Triangles:
         return joined([self.surface_of(part) for part in self.of])  # what lies inside of another is not seen
@@ -286,11 +249,11 @@ class Intersection(Combination):
     def whole(self) -> tuple[Any, ...]:
         return tuple(part.geometry() for part in self.of)
 
-    def pieces(self) -> tuple[Any, ...]:
-        return tuple(each for part in self.of for each in _joint(part))
-
     def geometry(self) -> Any:
-        return IntersectionRecord(_few(self.pieces(), self.whole()), self.grain())
+        return spread(IntersectionRecord(self.whole(), self.grain()))
+
+    def outside(self) -> Any:
+        return spread(UnionRecord(tuple(_outside_of(part) for part in self.of), self.grain()))
 
 
 class IntersectionCollider(Intersection, CombinationCollider):
@@ -342,12 +305,12 @@ class Difference(Combination):
             *(_outside_of(part) for part in others),
         )
 
-    def pieces(self) -> tuple[Any, ...]:
-        first, *others = self.of
-        return (*_joint(first), *(each for part in others for each in _outsides(part)))
-
     def geometry(self) -> Any:
-        return IntersectionRecord(_few(self.pieces(), self.whole()), self.grain())
+        return spread(IntersectionRecord(self.whole(), self.grain()))
+
+    def outside(self) -> Any:
+        first, *others = self.of
+        return spread(UnionRecord((_outside_of(first), *(part.geometry() for part in others)), self.grain()))
 
     def words(self) -> str:
         first, *others = self.of
@@ -415,115 +378,3 @@ def _distances_to(surface: Triangles, places: Any) -> Any:
     corners = surface.corners[surface.faces]
     nearest = (closest_point(corners, np.broadcast_to(x, (len(corners), 3))) for x in places)  # type: ignore[no-untyped-call]
     return np.array([np.linalg.norm(each - x, axis=1).min() for each, x in zip(nearest, places, strict=True)])
-
-
-class UnionRecord(NamedTuple):
-    """Shapes, and the shortest step of a search [m]."""
-
-    parts: tuple[Any, ...]
-    grain: float
-
-
-class IntersectionRecord(NamedTuple):
-    """Shapes, and the shortest step of a search [m]."""
-
-    parts: tuple[Any, ...]
-    grain: float
-
-
-def extreme(parts: Any, p: Any, sign: Any) -> Any:
-    """Gap and normal of the part whose gap times `sign` is the smallest; the first of equals."""
-    g, n = gap_and_normal(parts[0], p)
-    if len(parts) == 1:
-        return g, n
-    f, m = extreme(parts[1:], p, sign)
-    first = sign * g <= sign * f
-    return (g if first else f), tuple(a if first else b for a, b in zip(n, m, strict=True))
-
-
-@law(gap, UnionRecord)
-def union_gap(c: UnionRecord, p: Particle) -> float:
-    return min(*[gap(part, p) for part in c.parts])
-
-
-@law(bend, IntersectionRecord)
-def intersection_bend(c: IntersectionRecord) -> int:
-    return 1 if all(bend(part) > 0 for part in c.parts) else 0
-
-
-@law(gap, IntersectionRecord)
-def intersection_gap(c: IntersectionRecord, p: Particle) -> float:
-    return max(*[gap(part, p) for part in c.parts])
-
-
-@law(gap_and_normal, UnionRecord)
-def union_gap_and_normal(c: UnionRecord, p: Particle) -> tuple[float, Vector]:
-    return extreme(c.parts, p, 1)
-
-
-@law(gap_and_normal, IntersectionRecord)
-def intersection_gap_and_normal(c: IntersectionRecord, p: Particle) -> tuple[float, Vector]:
-    return extreme(c.parts, p, -1)
-
-
-@law(normal, UnionRecord)
-def union_normal(c: UnionRecord, p: Particle) -> Vector:
-    return extreme(c.parts, p, 1)[1]
-
-
-@law(normal, IntersectionRecord)
-def intersection_normal(c: IntersectionRecord, p: Particle) -> Vector:
-    return extreme(c.parts, p, -1)[1]
-
-
-@law(least_gap, UnionRecord)
-def union_least_gap(c: UnionRecord, p: Particle, need: float) -> float:
-    return min(*[least_gap(part, p, need) for part in c.parts])
-
-
-@law(sure_gap, UnionRecord)
-def union_sure_gap(c: UnionRecord, p: Particle) -> float:
-    return min(*[sure_gap(part, p) for part in c.parts])
-
-
-@law(sure_gap, IntersectionRecord)
-def intersection_sure_gap(c: IntersectionRecord, p: Particle) -> float:
-    return max(*[sure_gap(part, p) for part in c.parts])
-
-
-@law(thinnest, UnionRecord)
-def union_thinnest(c: UnionRecord) -> float:
-    return c.grain * PARTS
-
-
-@law(thinnest, IntersectionRecord)
-def intersection_thinnest(c: IntersectionRecord) -> float:
-    return c.grain * PARTS
-
-
-@law(apart, UnionRecord)
-def union_apart(c: UnionRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
-    return all(tuple(apart(part, p, q, h, slack) for part in c.parts))
-
-
-@law(first_contact, UnionRecord)
-def union_first_contact(c: UnionRecord, p: Particle, q: Particle, h: float, slack: float) -> float:
-    return min(*[first_contact(part, p, q, h, slack) for part in c.parts])
-
-
-@law(apart, IntersectionRecord)
-def intersection_apart(c: IntersectionRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
-    # what misses one part misses the intersection
-    one = any(tuple(apart(part, p, q, h, slack) for part in c.parts))
-    return one | (convex_apart if bend(c) > 0 else lipschitz_apart)(c, p, q, h, slack)
-
-
-@law(first_contact, IntersectionRecord)
-def intersection_first_contact(
-    c: IntersectionRecord, p: Particle, q: Particle, h: float, slack: float
-) -> float:
-    if bend(c) > 0:  # what convex solids have in common is convex, however thin it is
-        return convex_contact(c, p, q, h, slack)
-    if is_cut(c):
-        return cut_contact(c, p, q, h, slack)
-    return marched_contact(c, p, q, h, slack, c.grain)

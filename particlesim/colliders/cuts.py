@@ -4,10 +4,9 @@ cut off: however thin that is, down to rounding.
 It is met where the way is in all parts: in the solids, and outside of what is cut off. So the search goes on to where that
 may be so of the part that it may be of last, again and again. Into a convex solid these are the safe steps of `way`. A
 straight way leaves what is cut off once, and the depth in it is a concave function of the place: there is one root between
-a place inside and one outside (false position, as Illinois has it). A parabola may come out and go in again, by less than a
-quarter of its bend: of that some places are looked at.
-
-Source: M. Dowell, P. Jarratt, A modified regula falsi method, BIT 11, 168 (1971).
+a place inside and one outside, and Newton's method comes to it from outside without passing it. A parabola may come out and
+go in again, by less than a quarter of its bend: of that some places are looked at, and where Newton's method leads back
+inside, the rest is halved.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ NEVER = 2.0
 LEAST = 2.0**-52
 """The part of a way that a search goes on by at least."""
 NEARER, CLOSE = 64, 8
-"""Places that are looked at between two for a root, at most, and how deep it is enough to know it, in units of rounding."""
+"""Turns of the search for a root, at most, and how deep it is enough to know it, in units of rounding."""
 SHORTER = 20
 """How often the way further on is made a quarter."""
 PLACES = 16
@@ -56,13 +55,21 @@ def cut_contact(c: Any, p: Particle, q: Particle, h: float, slack: float) -> flo
 
 
 def _further(c: Any, p: Particle, w: Any, s: Any, slack: Any) -> Any:
-    """A part of a way after s at which the place is in the intersection, as it is at s."""
+    """A part of a way after s at which the place is in the intersection, as it is at s, and nearer to the side there than to
+    the other one."""
     speed, k = longest(w), 0
     more = type(p.x)(c.grain) / speed if speed > 0 else s - s
-    while (k < SHORTER) & (not ((s + more < 1) and gap(c, place_on(w, p, s + more)) < -slack)):
+    n = normal(c, place_on(w, p, s))
+    while (k < SHORTER) & (not ((s + more < 1) and _is_under(c, n, place_on(w, p, s + more), slack))):
         more = type(p.x)(0.25) * more
         k += 1
     return s + more
+
+
+def _is_under(c: Any, n: Any, p: Any, slack: Any) -> Any:
+    """Whether a place is in an intersection, and not behind the side with the normal n."""
+    m = normal(c, p)
+    return gap(c, p) < -slack and n[0] * m[0] + n[1] * m[1] + n[2] * m[2] > type(p.x)(-0.5)
 
 
 def _comes_into(part: Any, p: Particle, w: Any, s: Any, slack: Any) -> Any:
@@ -99,24 +106,27 @@ def _comes_out(part: Any, p: Particle, w: Any, s: Any, slack: Any) -> Any:
             k += 1
         if not ends < -slack:
             return type(p.x)(NEVER)
-    return _root_between(part, p, w, s, deep, end, ends, slack)
+    return _root_between(part, p, w, s, end, ends, slack)
 
 
 @outlined
-def _root_between(
-    part: Any, p: Particle, w: Any, low: Any, above: Any, high: Any, below: Any, slack: Any
-) -> Any:
-    """The part of a way, between two, at which a gap becomes less than rounding."""
-    k, goal = 0, 4 * slack
-    above, below = above + goal, below + goal
-    while (k < NEARER) & (below < goal - CLOSE * slack) & (high - low > LEAST):
-        middle = high - below * (high - low) / (below - above)
+def _root_between(part: Any, p: Particle, w: Any, low: Any, high: Any, deep: Any, slack: Any) -> Any:
+    """The part of a way, between two, at which a gap becomes less than rounding; it is as `deep` at the later one."""
+    k, half, most = 0, type(p.x)(0.5), -CLOSE * slack
+    while (k < NEARER) & (deep < most) & (high - low > LEAST):
+        n = normal(part, place_on(w, p, high))
+        slope = (
+            n[0] * (w.ux + 2 * high * w.cx)
+            + n[1] * (w.uy + 2 * high * w.cy)
+            + n[2] * (w.uz + 2 * high * w.cz)
+        )
+        middle = high - (deep - half * most) / slope if slope < 0 else low
         if not ((middle > low) & (middle < high)):
-            middle = type(p.x)(0.5) * (low + high)
-        g = gap(part, place_on(w, p, middle)) + goal
-        if g < goal - slack:
-            high, below, above = middle, g, type(p.x)(0.5) * above
+            middle = half * (low + high)
+        g = gap(part, place_on(w, p, middle))
+        if g < -slack:
+            high, deep = middle, g
         else:
-            low, above, below = middle, max(g, goal - slack), type(p.x)(0.5) * below
+            low = middle
         k += 1
     return high

@@ -21,6 +21,7 @@ from particlesim.laws.registry import (
     least_gap,
     moved_to,
     normal,
+    side_from,
     sure_gap,
     thinnest,
 )
@@ -145,6 +146,17 @@ def shifted_normal(c: ShiftedRecord, p: Particle) -> Vector:
 def turned_normal(c: TurnedRecord, p: Particle) -> Vector:
     x, y, z = normal(c.shape, seen_from(c, p))
     return c.xx * x + c.xy * y + c.xz * z, c.yx * x + c.yy * y + c.yz * z, c.zx * x + c.zy * y + c.zz * z
+
+
+@law(side_from, ShiftedRecord)
+def shifted_side_from(c: ShiftedRecord, p: Particle, q: Particle) -> tuple[float, Vector]:
+    return side_from(c.shape, seen_from(c, p), seen_from(c, q))
+
+
+@law(side_from, TurnedRecord)
+def turned_side_from(c: TurnedRecord, p: Particle, q: Particle) -> tuple[float, Vector]:
+    g, (x, y, z) = side_from(c.shape, seen_from(c, p), seen_from(c, q))
+    return g, (c.xx * x + c.xy * y + c.xz * z, c.yx * x + c.yy * y + c.yz * z, c.zx * x + c.zy * y + c.zz * z)
 
 
 def _apart(c: ShiftedRecord | TurnedRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:

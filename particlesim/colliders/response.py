@@ -36,6 +36,7 @@ from particlesim.laws.registry import (
     law,
     moved_to,
     normal,
+    side_from,
     surface,
 )
 
@@ -124,6 +125,11 @@ def collider_gap_and_normal(c: ColliderRecord, p: Particle) -> tuple[float, Vect
     return gap_and_normal(c.shape, p) if c.response.called is None else _gap_and_normal(c.shape, p)
 
 
+@law(side_from, ColliderRecord)
+def collider_side_from(c: ColliderRecord, p: Particle, q: Particle) -> tuple[float, Vector]:
+    return side_from(c.shape, p, q) if c.response.called is None else _side_from(c.shape, p, q)
+
+
 @law(apart, ColliderRecord)
 def collider_apart(c: ColliderRecord, p: Particle, q: Particle, h: float, slack: float) -> bool:
     look = apart if c.response.called is None else _apart
@@ -139,6 +145,11 @@ def collider_first_contact(c: ColliderRecord, p: Particle, q: Particle, h: float
 @outlined
 def _gap(shape: Any, p: Any) -> Any:
     return gap(shape, p)
+
+
+@outlined
+def _side_from(shape: Any, p: Any, q: Any) -> Any:
+    return side_from(shape, p, q)
 
 
 @outlined

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from particlesim.colliders.box import BoxRecord
 from particlesim.colliders.bvh import build
-from particlesim.colliders.combination import IntersectionRecord, UnionRecord
 from particlesim.colliders.cone import ConeRecord
 from particlesim.colliders.cylinder import CylinderRecord
 from particlesim.colliders.gaps import gaps_of
 from particlesim.colliders.mesh import MeshRecord
 from particlesim.colliders.moving import MovingRecord, frame_at
+from particlesim.colliders.parts import IntersectionRecord, UnionRecord
 from particlesim.colliders.pose import UNTURNED, ShiftedRecord, TurnedRecord, placed
 from particlesim.laws.registry import Particle, gap
 

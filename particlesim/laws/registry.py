@@ -275,6 +275,14 @@ def gap_and_normal(c: Any, p: Particle) -> tuple[float, Vector]:
 
 
 @generic(0)
+def side_from(c: Any, p: Particle, q: Particle) -> tuple[float, Vector]:
+    """Gap and normal at q of the side of a collider that p touches, also beyond its other side, which may be near: for
+    shapes that are put together."""
+    laws = GENERICS[side_from].laws
+    return laws[type(c)](c, p, q) if type(c) in laws else gap_and_normal(c, q)
+
+
+@generic(0)
 def surface(c: Any, p: Particle) -> Vector:
     """Centre of a particle [m] that is put back on the surface of a collider: for shapes that know it to the last bit."""
     return evaluate(surface, c, p)

@@ -192,7 +192,7 @@ def test_no_point_passes_what_is_left_of_convex_solids_however_thin_it_is(kind: 
         assert np.abs(end).max() < 1.001
 
 
-@pytest.mark.parametrize("thick", [1e-5, 1e-3])
+@pytest.mark.parametrize("thick", [1e-9, 1e-6, 1e-3])
 @pytest.mark.parametrize("c", [0.5000005, 0.61368046549952, 0.7])
 def test_points_that_come_to_an_edge_of_a_room_stay_in_it(c: float, thick: float) -> None:
     """The second of two walls is met at once after the first, where rounding decides on which side of it one is."""

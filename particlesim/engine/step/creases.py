@@ -24,6 +24,8 @@ from particlesim.laws.registry import PASS, first_contact, gap, gap_and_normal, 
 
 LIFT = 8
 """How far above a surface the way along it is looked at, in units of rounding errors."""
+LEFT = 4
+"""How far from what is in its way a glide may end, in units of that: what is so near is touched."""
 LOOK, FURTHER = 64, 32
 """How far into a shape its parts are looked for at first, in units of rounding errors, and by how much further each time."""
 GRAZES = 2.0**-6
@@ -37,6 +39,8 @@ MOST_BENDS, STRAIGHT = 8, 1 - 2.0**-10
 step."""
 MOST_PARTS = 6
 """Looks for a further part that presses; in a corner there are three."""
+THINNER = 26
+"""Looks for how far in a shape is thick, each half as far as the last."""
 
 
 def wedged(c: Any, d: Any, p: Any, q: Any, h: Any, tolerance: Any) -> Any:
@@ -130,6 +134,7 @@ def free_part(c: Any, here: Any, p: Any, r: Any, n: Any, m: Any, h: Any, slack: 
     b = tuple(x + lift * u for x, u in zip((r.x, r.y, r.z), m, strict=True))
     way = tuple(half * (y - x) for x, y in zip(a, b, strict=True))
     part, begin = one, one - one
+    ahead = way
     if np.sqrt(dot(way, way)) > half * max(type_of(h, thinnest(c.shape)), lift):
         up = tuple(half * (u + v) for u, v in zip(n, m, strict=True))
         rise = max(-dot(way, n) / dot(up, n), dot(way, m) / dot(up, m), one - one)
@@ -142,26 +147,52 @@ def free_part(c: Any, here: Any, p: Any, r: Any, n: Any, m: Any, h: Any, slack: 
                     # up to a place before it from which a free step meets it: without the lift that is earlier
                     met = tuple(x + s * h * w for x, w in zip(start, v, strict=True))
                     _, wall = gap_and_normal(c, at_place(p, met, v))
+                    ahead = tuple(-axis for axis in wall)
                     closing = max(-dot(wall, v), type_of(h, GRAZES) * np.sqrt(dot(v, v)))
                     s = s - 2 * lift / (h * closing)
                     part = begin + half * max(s, one - one)
             begin = half
-        part = min(part, _time_for(p, r, part, h)) if part < 1 else part
+        part = _time_for(p, r, ahead, part, h) if part < 1 else part
     return part
 
 
-def _time_for(p: Any, r: Any, part: Any, h: Any) -> Any:
-    """The part of a step of h from p to r after which a part of its straight way is done: less where it becomes slower."""
-    way = (r.x - p.x, r.y - p.y, r.z - p.z)
-    whole = np.sqrt(dot(way, way))
-    b = h * dot(way, (p.vx, p.vy, p.vz)) / whole
-    return _until(b, whole, part * whole, h) if (b > 0) & (part > 0) else part
+def _time_for(p: Any, r: Any, ahead: Any, part: Any, h: Any) -> Any:
+    """The part of a step of h from p to r after which a part of its straight way is done, in the direction of what is
+    `ahead`: less where it becomes slower, and more where it begins slowly."""
+    whole, b = dot(ahead, (r.x - p.x, r.y - p.y, r.z - p.z)), h * dot(ahead, (p.vx, p.vy, p.vz))
+    return _until(b, whole, part * whole, h) if (whole > 0) & (part > 0) else part
 
 
 def _facet(c: Any, p: Any, place: Any, g: Any, n: Any) -> Any:
     """The part of a shape that a particle sees from a place with this gap and normal, as a plane with the same response."""
     offset = dot(n, (place.x, place.y, place.z)) - p.r - g
     return ColliderRecord(PlaneRecord(n[0], n[1], n[2], offset), c.response)
+
+
+@outlined
+def _thickness(c: Any, p: Any, far: Any, least: Any) -> Any:
+    """How far a shape that p touches goes on under it, looked at from as far as a step goes on: less than the half of how
+    thick it is there."""
+    half = type_of(far, 0.5)
+    n, deep = _full(gap_and_normal(c, p)[1], far - far), far
+    for _ in range(THINNER):
+        if (deep <= least) | (gap(c, _beside(p, p, n, -deep)) <= -half * deep):
+            break
+        deep = half * deep
+    return half * deep
+
+
+@outlined
+def _first_on(c: Any, p: Any, q: Any, up: Any, part: Any, lift: Any, h: Any, slack: Any) -> Any:
+    """The first place a little above the straight way from p to q that is in a shape, and its part of the step of which that
+    way is a `part`; q where none is."""
+    place = tuple(x + lift * u for x, u in zip((p.x, p.y, p.z), up, strict=True))
+    end = tuple(x + lift * u for x, u in zip((q.x, q.y, q.z), up, strict=True))
+    v = tuple((b - a) / h for a, b in zip(place, end, strict=True))
+    start = at_place(p, place, v)
+    s = first_contact(c, start, at_place(p, end, v), h, slack)
+    met = at_place(q, _further(start, tuple(h * axis for axis in v), s), (q.vx, q.vy, q.vz))
+    return chosen(s < 1, met, q), (s * part if s < 1 else part)
 
 
 def _beside(p: Any, q: Any, n: Any, way: Any) -> Any:
@@ -219,6 +250,9 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
         far = np.sqrt(dot(way, way))
         # none looks through this part of the shape
         deepest = half * half * type_of(h, thinnest(c.shape))
+        thin = deepest <= 0
+        if thin:
+            deepest = _thickness(c, p, far, lift)
         first, up, look, rests = _pressed(c, p, q, h, slack, min(deepest, far), sure)
         second = (zero, zero, zero)
         if rests:
@@ -229,6 +263,9 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
             far = np.sqrt(dot(way, way))
             part = min(deepest / far, seen) if far > 0 else seen
             near = _along(p, q, way, part)
+            if rests & thin & (far > 0):
+                # what is in the way may be thinner
+                near, part = _first_on(c, p, near, up, part, lift, h, slack)
             g, n = gap_and_normal(c, near)
             if (not rests) | (g >= -slack):
                 break
@@ -248,7 +285,7 @@ def crept(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
                 continue
             # What has hopped from one to the other, ever sooner, is at both of them.
             approach = -h * dot(n, (p.vx, p.vy, p.vz))
-            if start > max(lift, type_of(h, SOON) * approach if sure else lift):
+            if start > max(type_of(h, LEFT) * lift, type_of(h, SOON) * approach if sure else lift):
                 # before it comes to that, others may press
                 seen = part * (start - half * lift) / (start - g)
                 v = (p.vx, p.vy, p.vz)

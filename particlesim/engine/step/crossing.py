@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from particlesim.colliders.moving import MovingRecord, alight, ride
+from particlesim.colliders.parts import IntersectionRecord, UnionRecord
 from particlesim.colliders.response import at_rest, crossable, opposite
 from particlesim.colliders.way import place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.contacts import MANY, Careful, Simple, by_calls, farther, nowhere
-from particlesim.laws.registry import apart, bend, first_contact, gap, moved_to, normal
+from particlesim.laws.registry import apart, bend, first_contact, gap, moved_to, normal, side_from
 
 EPSILON = {float: 2.0**-52, np.float64: 2.0**-52, np.float32: 2.0**-23}
 """The rounding error of 1 in each precision."""
@@ -108,13 +109,35 @@ def through(c: Any, p: Any, q: Any, slack: Any) -> Any:
     one = type_of(p.x, 1)
     if not crossable(c):
         return one
-    a, e, still = p, q, c
     if isinstance(c.shape, MovingRecord):
-        a, e, still = ride(c.shape, p), ride(c.shape, q), at_rest(c)
-    begin = straight(a, e, one)
-    if apart(still, begin, e, one, slack) or not opposite(still, a, e):
+        a, e = ride(c.shape, p), ride(c.shape, q)
+        return _through(c.shape.shape, straight(a, e, one), e, slack)
+    return _through(c.shape, straight(p, q, one), q, slack)
+
+
+def _through(shape: Any, p: Any, q: Any, slack: Any) -> Any:
+    """`through` of a shape, for a way in a time of 1. Of what is put together each part has its own other side."""
+    if isinstance(shape, UnionRecord):
+        return min(*[_through(part, p, q, slack) for part in shape.parts])
+    one = type_of(p.x, 1)
+    if apart(shape, p, q, one, slack) or not _behind(shape, p, q):
         return one
-    return min(first_contact(still, begin, e, one, slack), one)
+    return min(first_contact(shape, p, q, one, slack), one)
+
+
+def _behind(shape: Any, p: Any, q: Any) -> Any:
+    """Whether q is on the other side of a shape than p."""
+    if isinstance(shape, IntersectionRecord):
+        return (side_from(shape, p, q)[0] < 0) & ((gap(shape, q) >= 0) | opposite(shape, p, q))
+    return opposite(shape, p, q)
+
+
+def beyond(colliders: Any, p: Any, q: Any, slack: Any) -> Any:
+    """Whether the straight way from p to q leads through something thin."""
+    found = False
+    for c in colliders:
+        found = found or through(c, p, q, slack) < 1
+    return found
 
 
 LONGER = 1.1

@@ -20,7 +20,7 @@ from particlesim.engine.step.contacts import (
     rounding_of_step,
     shallow,
 )
-from particlesim.engine.step.crossing import even, through
+from particlesim.engine.step.crossing import beyond, even, through
 from particlesim.engine.step.gliding import CALM, LIVELY, SURE, glide, step_of
 from particlesim.engine.step.hits import hear, louder, silence
 from particlesim.engine.step.moments import (
@@ -29,6 +29,7 @@ from particlesim.engine.step.moments import (
     first_met,
     leaving,
     lying_for,
+    met_before,
     reached,
     stretch,
     time_of_impact,
@@ -170,9 +171,9 @@ def follow(
                     calm, stalls = LIVELY if leaves else CALM, 0
                     continue
         # What flies to the end has flown all the way, though it might lie for a shorter time.
-        how, exact = calm if any(on) else LIVELY, True
+        how, exact, off = calm if any(on) else LIVELY, True, False
         if late < length:
-            q, exact = reached(method, dynamics, forces, contacts, p, late, place, memory, how)
+            q, exact, off = reached(method, dynamics, forces, contacts, p, late, place, memory, how)
         if done:
             p, outcome = separate(contacts.resting, q, p, contacts)
             memory = restart(memory)
@@ -183,7 +184,7 @@ def follow(
             calm, stalls = SURE, 0
             continue
         tau, q, still_on, dies_out, lay = _impact(
-            method, dynamics, forces, contacts, p, q, late, memory, h, how, exact, force, bouncy
+            method, dynamics, forces, contacts, p, q, late, memory, h, how, exact, off, force, bouncy
         )
         if any(_left(on, still_on)):
             q = _held(contacts, p, q)
@@ -235,18 +236,10 @@ def _left(before: Any, on: Any) -> Any:
 def _held(contacts: Any, p: Any, q: Any) -> Any:
     """The particle q after p on this side of what is thin, though it would lie there for a longer time only."""
     slack = rounding(contacts, p)
-    if _beyond(contacts.continuous, p, q, slack):
+    if beyond(contacts.continuous, p, q, slack):
         r = _pushed(contacts.continuous, p, slack, q.t)
         q = moved_to(q, r.x, r.y, r.z, q.vx, q.vy, q.vz, q.t)
     return q
-
-
-def _beyond(colliders: Any, p: Any, q: Any, slack: Any) -> Any:
-    """Whether the straight way from p to q leads through something thin."""
-    found = False
-    for c in colliders:
-        found = found or through(c, p, q, slack) < 1
-    return found
 
 
 @outlined
@@ -298,14 +291,20 @@ def _impact(
     h: Any,
     how: Any,
     exact: Any,
+    off: Any,
     force: Any,
     bouncy: Any,
 ) -> Any:
     """The time of the impact of a particle that is in a collider at q at the time `late`; the particle then; on what it
-    lies until then; whether such hops die out; and whether it is no impact, as the particle has lain there until then."""
+    lies until then; whether such hops die out; and whether it is no impact, as the particle has lain there until then. Where
+    it is `off` the way on which it was found, something else may come first."""
     tau, half, lay = late, type_of(h, 0.5), False
     if exact:
         tau = time_of_impact(method, dynamics, forces, contacts, p, late, memory, how)
+        if off:
+            q, _, on, _ = glide(method, dynamics, forces, contacts, p, tau, memory, how)
+            first, q, _ = met_before(method, dynamics, forces, contacts, p, q, on, tau, memory, how)
+            exact, tau = first == tau or ahead(contacts, on, q) < 0, first
     # Hops that die out are counted to rest while their height means something, not for ever in rounding errors.
     top, _, on, _ = glide(method, dynamics, forces, contacts, p, half * tau, memory, how)
     height = ahead(contacts, on, top)
@@ -321,7 +320,7 @@ def _impact(
             sooner = tau * type_of(h, SOONER)
             r, _, on, _ = glide(method, dynamics, forces, contacts, p, sooner, memory, how)
             lay = any(on) and ahead(contacts, on, r) >= 0
-            lay = lay and not _beyond(contacts.continuous, p, r, rounding(contacts, p))
+            lay = lay and not beyond(contacts.continuous, p, r, rounding(contacts, p))
             tau, q = (sooner, r) if lay else (tau, q)
     return tau, q, on, dies_out, lay
 

@@ -9,13 +9,14 @@ import numpy as np
 from particlesim.colliders.dents import dented
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
-from particlesim.engine.step.contacts import ahead, nowhere, rounding
-from particlesim.engine.step.crossing import crossing, even, turned_away
+from particlesim.engine.step.contacts import ahead, nearest, nowhere, rounding, rounding_of_step
+from particlesim.engine.step.crossing import beyond, crossing, even, turned_away
 from particlesim.engine.step.gliding import LIVELY, MAX_SWEEPS, glide
 from particlesim.laws.registry import gap_and_normal, moved_to
 
 SAME = 1 - 1e-6
-"""The part of a step at the end of which a particle turns around counts as the whole step beyond this."""
+"""The part of a step at the end of which a particle turns around counts as the whole step beyond this, where it ends outside
+of all colliders."""
 NO_TIME = 2.0**20
 """Impacts that lie no further apart than this part of a step (1 over it) take no time."""
 AT_ONCE = 2.0**10
@@ -28,6 +29,8 @@ WIDE = 16
 """The ratio of the ends of a bracket from which on it is halved in its logarithm: hops end soon after their beginning."""
 LAST_PLACES, FARTHER = 2, 4
 """How far into its bracket that search goes from an end at least, in last places, and how much farther each time."""
+MAX_SOONER = 8
+"""How often it is looked for what is met before an impact that was found on a way that bends otherwise."""
 MAX_GUESSES = 24
 """Turns of that search that may guess: where a way ends in a seam, gaps stop falling, and guesses help little."""
 
@@ -112,7 +115,8 @@ def reached(
     memory: Any,
     calm: Any,
 ) -> Any:
-    """The particle in the collider that it crosses at the time `late`, and whether its method brought it there.
+    """The particle in the collider that it crosses at the time `late`; whether its method brought it there; and whether that
+    is farther from the parabola than rounding tells.
 
     A step to that time may lead elsewhere than the parabola, by its error of third order: beside the collider, or behind it.
     Then the parabola is right, as no path may lead through a collider.
@@ -123,7 +127,38 @@ def reached(
     if turned_away(contacts.continuous, there, q):
         exact = False
     x, y, z = q.x if exact else there.x, q.y if exact else there.y, q.z if exact else there.z
-    return moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t), exact
+    off = abs(q.x - place.x) + abs(q.y - place.y) + abs(q.z - place.z) > rounding_of_step(
+        contacts, p, q, late
+    )
+    return moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t), exact, off
+
+
+@outlined
+def met_before(
+    method: Any,
+    dynamics: Any,
+    forces: Any,
+    contacts: Any,
+    p: Any,
+    q: Any,
+    on: Any,
+    tau: Any,
+    memory: Any,
+    calm: Any,
+) -> Any:
+    """The time of the impact of a particle that goes from p to q in a time `tau`, where the way to another one was not the
+    parabola to its end: that to q is nearer to it, and may lead into something else before. Also the particle there, and on
+    what it lies until then."""
+    for _ in range(MAX_SOONER):
+        late, place = crossing(contacts, on, p, q, tau)
+        if not late < tau:
+            break
+        r, exact, _ = reached(method, dynamics, forces, contacts, p, late, place, memory, calm)
+        tau, q = late, r
+        if exact:
+            tau = time_of_impact(method, dynamics, forces, contacts, p, late, memory, calm)
+            q, _, on, _ = glide(method, dynamics, forces, contacts, p, tau, memory, calm)
+    return tau, q, on
 
 
 @outlined
@@ -146,7 +181,7 @@ def stretch(
     if turn < 1 and not whole:
         length = turn * left
         q, after, on, turn = glide(method, dynamics, forces, contacts, p, length, memory, calm)
-        while turn < SAME and shorter < MAX_HALVINGS:
+        while (turn < SAME or (turn < 1 and _too_far(contacts, p, q))) and shorter < MAX_HALVINGS:
             # Near the end already, or, as it bends more than was seen, far from it.
             length = turn * length if shorter < MAX_SWEEPS else type_of(left, 0.5) * turn * length
             q, after, on, turn = glide(method, dynamics, forces, contacts, p, length, memory, calm)
@@ -158,8 +193,14 @@ def stretch(
     stuck = whole and turn < 1 and _parts(contacts.continuous, on)
     if stuck:
         zero = left - left
-        q = moved_to(q, p.x, p.y, p.z, zero, zero, zero, q.t)
+        q = moved_to(q, p.x, p.y, p.z, zero, zero, zero, p.t)
     return q, after, on, length, stuck
+
+
+def _too_far(contacts: Any, p: Any, q: Any) -> Any:
+    """Whether a glide from p to q ends in a collider, deeper than rounding tells, or behind one."""
+    slack = rounding(contacts, p)
+    return nearest(contacts.continuous, q) < -slack or beyond(contacts.continuous, p, q, slack)
 
 
 def _parts(colliders: Any, on: Any) -> Any:

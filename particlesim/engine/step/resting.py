@@ -42,7 +42,7 @@ from particlesim.colliders.solid import HollowConvexRecord
 from particlesim.colliders.sphere import BowlRecord
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import ALONG_AXES, coarse, presses
-from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, surface
+from particlesim.laws.registry import PASS, gap, gap_and_normal, has_law, moved_to, side_from, surface
 
 LEVEL = 2.0**-10
 """How far into a surface the velocity of a particle that moves along it may lead, in units of how deep the free step is:
@@ -132,14 +132,14 @@ def sunk(c: Any, p: Any, start: Any, up: Any, q: Any) -> Any:
     """Gap and normal of a collider for the end q of a step from p, which touches it with the gap `start` and the normal
     `up`: those of the side that p is on. A free step may well lead through a thin sheet on which a particle lies, and there
     is no other side for it; and near an edge another side may be nearer than the one under which it ends."""
-    g, n = gap_and_normal(c, q)
+    g, n = side_from(c, p, q)
     if not crossable(c):
         return g, n
     depth = start + up[0] * (q.x - p.x) + up[1] * (q.y - p.y) + up[2] * (q.z - p.z)
     lean, half = dot(n, up), type_of(g, 0.5)
     behind = (lean < -half) & (depth < 0)
     x, y, z = (b - depth * a for a, b in zip(up, (q.x, q.y, q.z), strict=True))
-    over, m = gap_and_normal(c, moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t))
+    over, m = side_from(c, p, moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t))
     # Of what begins on the edge between both, it is not known on which of them it lies.
     height = g + dot(n, (p.x - q.x, p.y - q.y, p.z - q.z))
     under = (
