@@ -503,4 +503,6 @@ def test_springs_do_not_pull_a_cloth_through_a_ball(method: str) -> None:
         deepest = min(deepest, float(away.min()))
     assert deepest > -0.0041
     assert run.missed_crossings() == 0
-    assert abs(body.v[1, 0] + 11.42) < 0.6  # as with steps of 0.125 ms
+    assert (
+        abs(body.v[1, 0] + 11.43) < 0.9
+    )  # as with steps of 0.0625 ms; this is 0.92 of the largest stable one

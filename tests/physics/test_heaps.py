@@ -10,6 +10,7 @@ import pytest
 from simulate import G, Table, points, table
 
 import particlesim as ps
+from particlesim.engine.diagnosis.sunk import DEEP
 from particlesim.engine.interactions.hard.memory import Known, known_by
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
@@ -78,15 +79,17 @@ def test_deep_heaps_come_to_rest(contact: dict[str, Any]) -> None:
 
 @pytest.mark.slow
 @pytest.mark.sampled(2)
-@pytest.mark.parametrize(
-    ("step", "tells"),
-    [(DT, False), (4 * DT, False), pytest.param(20 * DT, True, marks=pytest.mark.slow)],
-)
-def test_they_keep_their_height_or_tell(step: float, tells: bool) -> None:
+@pytest.mark.parametrize("step", [DT, 4 * DT, pytest.param(20 * DT, marks=pytest.mark.slow)])
+def test_they_keep_their_height_or_tell(step: float) -> None:
     # 24 layers, in steps in which they fall by 1e-4, 1.6e-3, and 0.04 of a radius. They come down swiftly then, and have so
-    # many impacts in a step that some wait for its end.
-    told = ps.run(ps.from_table(heap(24, 1.6, step))).warnings
-    assert any("sunk" in text or "stayed" in text for text in told) == tells
+    # many impacts in a step that some wait for its end; grains may be wedged in.
+    result = ps.run(ps.from_table(heap(24, 1.6, step)))
+    deep = depths(np.array(result.final["position"])).max() > DEEP * R
+    assert any("sunk" in text for text in result.warnings) == deep
+    if step == DT:
+        assert not result.warnings
+    if step > 4 * DT:
+        assert any("sunk" in text or "stayed" in text for text in result.warnings)
 
 
 @pytest.mark.slow

@@ -72,7 +72,9 @@ class Guests(NamedTuple):
     the first ones rods hold. How much what else acts on those that are not tied accelerates them at its beginning [m/s²]
     [3, n] (`pull`), once that has been `asked` for [1]: not before one of them touches something, 1, or hits it, 2. About
     where the impulse of an impact will shift them [3, n] (`probe`), and how much faster that makes what acts on them pull
-    them back, for every metre [1/s²] [n] (`bend`). What they lie on besides, and those that do (`support`).
+    them back, for every metre [1/s²] [n] (`bend`). By which part of the step before its middle what lies on a body is
+    pressed on it, on the average: half where all of the kick is at the beginning [n] (`lag`). What they lie on besides, and
+    those that do (`support`).
     """
 
     first: int
@@ -101,6 +103,7 @@ class Guests(NamedTuple):
     asked: Any
     probe: Any
     bend: Any
+    lag: Any
     support: Any
     crowd: Any
 
@@ -256,7 +259,8 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                         if swift and guests.free[i] > 0 and falls_on(p, s, at, u, slop, h, found):
                             guests.alone[m] = 1
                         else:
-                            follow(p, s, k, i, guest, guests.id[m], at, u, radius, slop, h, found, best)
+                            late = h * guests.lag[m]
+                            follow(p, s, k, i, guest, guests.id[m], at, u, radius, slop, h, late, found, best)
                     meet(guests, b, k, begin, kind, group)
                     if best[0, 0] < had:
                         which = i
@@ -366,13 +370,16 @@ def follow(
     radius: Any,
     slop: Any,
     h: Any,
+    late: Any,
     found: Any,
     best: Any,
 ) -> None:
     """Follow the way of a guest, which moves with u as body i sees it, from the beginning of the step to a piece.
 
-    All pieces that it touches there are noted; of those that it would come to, the first one is kept in `best` [1, 2]: when,
-    and its number; once it touches one, minus infinity, and how fast they come together.
+    All pieces that it touches there are noted, with their normals a time `late` before the middle of the step, when forces
+    press it on them: elsewhere they would slow down, or drive, what slides along a round side. Of those that it would come
+    to, the first one is kept in `best` [1, 2]: when, and its number; once it touches one, minus infinity, and how fast they
+    come together.
     """
     x = plus(at, -0.5 * h, u)
     now, n = away_from(p, s, x, found)
@@ -381,6 +388,7 @@ def follow(
     # What comes fast, though it is near already, has an impact of its own.
     flies = now > NEAR * p.fine[s.number] and h * falls > slop
     if now <= max(NEAR * p.fine[s.number], slop) and not flies:
+        _, n = away_from(p, s, plus(at, -late, u), found)
         where = plus(at, -(radius + 0.5 * now), n)
         # What is deeper than a little is pushed out of it: of the overlap that bodies are left a guest has next to none.
         gap = now - (1 - LEFT) * slop if now < 0 else now

@@ -118,7 +118,7 @@ def guests_of(visitors: Visitors, support: Support, bodies: int, h: float) -> Gu
             *(np.zeros(bodies, np.int64), np.zeros(n, np.int64)),
             visitors.held,
             *known,
-            *(support, new_crowd(visitors.stands, visitors.radius)),
+            *(visitors.lag.copy(), support, new_crowd(visitors.stands, visitors.radius)),
         ]
     )
 
@@ -141,7 +141,7 @@ def renew(guests: Guests, visitors: Visitors, h: float) -> None:
     """The same visitors in another step."""
     guests.other[:] = _others(visitors, h)
     guests.tied[:], guests.swift[:], guests.crowd.stands[:] = visitors.tied, visitors.swift, visitors.stands
-    guests.pull[:], guests.asked[0], guests.bend[:] = 0.0, 0, 0.0
+    guests.pull[:], guests.asked[0], guests.bend[:], guests.lag[:] = 0.0, 0, 0.0, visitors.lag
 
 
 def inform(guests: Guests, visitors: Visitors, pull: Floats, h: float) -> Visitors:

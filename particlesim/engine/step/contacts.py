@@ -112,7 +112,8 @@ def _nearest(colliders: Any, p: Any) -> Any:
 
 def ahead(contacts: Any, on: Any, p: Any) -> Any:
     """The smallest gap to continuous colliders other than those on which the particle lies [m]; positive where there are
-    none. In single precision it is also positive where the particle has bounced by a rounding error too deep, and leaves."""
+    none, and where the particle is no deeper than by a rounding error, as after a bounce, and does not move in: it would hit
+    what it does not come to, as often as it may."""
     return (_ahead_of_many if len(contacts.continuous) > MANY else _ahead_of)(contacts, on, p)
 
 
@@ -122,7 +123,7 @@ def _ahead_of_many(contacts: Any, on: Any, p: Any) -> Any:
 
 
 def _ahead_of(contacts: Any, on: Any, p: Any) -> Any:
-    return _ahead(contacts.continuous, on, p, shallow(contacts, p) if coarse(contacts.tolerance) else None)
+    return _ahead(contacts.continuous, on, p, shallow(contacts, p))
 
 
 def _ahead(colliders: Any, on: Any, p: Any, noise: Any) -> Any:
@@ -133,12 +134,20 @@ def _ahead(colliders: Any, on: Any, p: Any, noise: Any) -> Any:
 
 
 def _room(c: Any, p: Any, noise: Any) -> Any:
-    if noise is None:
-        return gap(c, p)
+    g = gap(c, p)
+    if (g < 0) & (g >= -noise):
+        g = _touching(c, p, g)
+    return g
+
+
+@outlined
+def _touching(c: Any, p: Any, g: Any) -> Any:
+    """The gap of a collider that a particle is in by a rounding error: positive where it does not move in."""
+    rest, q = c, p
     if isinstance(c.shape, MovingRecord):
-        return _room(at_rest(c), ride(c.shape, p), noise)
-    g, n = gap_and_normal(c, p)
-    return abs(g) if (g >= -noise) & (along(n, p) >= 0) else g
+        rest, q = at_rest(c), ride(c.shape, p)
+    _, n = gap_and_normal(rest, q)
+    return abs(g) if along(n, q) >= 0 else g
 
 
 def sunk(colliders: Any, on: Any, p: Any, q: Any, slack: Any) -> Any:

@@ -46,7 +46,7 @@ def move_on(each: Any, c: Any, h: Any) -> None:
             dx, dy, dz = float(c.vx[i]) - s[0, i], float(c.vy[i]) - s[1, i], float(c.vz[i]) - s[2, i]
             speed = np.sqrt(dx * dx + dy * dy + dz * dz)
             if speed > 0:
-                way = way_by(c, s, i, speed, h)
+                way = way_by(each.bench, c, i, speed, h)
                 c.x[i] += type_of(c.x[i], way * dx)
                 c.y[i] += type_of(c.y[i], way * dy)
                 c.z[i] += type_of(c.z[i], way * dz)

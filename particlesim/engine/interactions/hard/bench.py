@@ -38,6 +38,8 @@ NEAR, WIDE = 3.0, 1 + AT_REST
 the sum of both radii with it, at most, as a part of that sum."""
 NEAR_WALL = 0.1
 """Gap to a collider, as a part of the radius, below which a particle is watched; impulses move none further in a step."""
+FARTHEST = 1.0
+"""The same where there are no colliders."""
 
 
 class Bench(NamedTuple):
@@ -92,3 +94,8 @@ def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any, roll
         np.zeros((4, room + walls), dtype) if rolls else None,
         np.zeros((4, walls), dtype) if rolls else None,
     )
+
+
+def farthest(bench: Any) -> float:
+    """How far impulses move a particle in a step at most, in units of its radius."""
+    return NEAR_WALL if bench.ends.size > 1 else FARTHEST

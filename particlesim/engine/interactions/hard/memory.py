@@ -30,7 +30,6 @@ from particlesim.engine.interactions.hard.bench import (
     COUNT,
     GAIN,
     LIMIT,
-    NEAR_WALL,
     OWN,
     PAIRED,
     REST,
@@ -39,6 +38,7 @@ from particlesim.engine.interactions.hard.bench import (
     TURN,
     WAY,
     WORK,
+    farthest,
 )
 from particlesim.engine.interactions.hard.friction import roll_pair, turn_pair
 from particlesim.engine.interactions.hard.turns import give_pair
@@ -362,15 +362,15 @@ def book_moves(each: Any, c: Any, before: Any, h: Any) -> None:
                 change = float(now[i]) - s[axis, i]
                 power += change * (s[axis, i] - float(before[3 + axis, i]))
                 square += change * change
-            part = way_by(c, s, i, np.sqrt(square), h) / h
+            part = way_by(each.bench, c, i, np.sqrt(square), h) / h
             part = part if power > 0 else min(part, 0.5)
             s[WORK, root(cluster, i)] += part * power / float(each.a[i])
 
 
-def way_by(c: Any, s: Any, i: Any, speed: Any, h: Any) -> Any:
+def way_by(bench: Any, c: Any, i: Any, speed: Any, h: Any) -> Any:
     """How long a particle moves on with the change of its velocity by impulses [s]."""
-    most = h * s[WAY, i]
-    return min(most, NEAR_WALL * float(c.r[i]) / speed) if speed > 0 else most
+    most = h * bench.start[WAY, i]
+    return min(most, farthest(bench) * float(c.r[i]) / speed) if speed > 0 else most
 
 
 def scale_speeds(c: Any, i: Any, s: Any, part: Any) -> None:

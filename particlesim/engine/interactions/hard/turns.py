@@ -28,7 +28,6 @@ from particlesim.engine.interactions.hard.bench import (
     FREE,
     KEPT,
     LATER,
-    NEAR_WALL,
     PAIRED,
     REST,
     SHARE,
@@ -36,6 +35,7 @@ from particlesim.engine.interactions.hard.bench import (
     THROWN,
     WAY,
     WORK,
+    farthest,
 )
 from particlesim.engine.interactions.hard.friction import coupled, hold_pair, hold_rolling
 from particlesim.engine.interactions.hard.ways import HIT, STRUCK
@@ -114,16 +114,15 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
             n[LEAST, q] = rest * change[at]
     for k in range(each.report[COUNT]):
         i, j = bench.rows[0, k], bench.rows[1, k]
-        x, y, z = float(c.vx[i] - c.vx[j]), float(c.vy[i] - c.vy[j]), float(c.vz[i] - c.vz[j])
-        size, far = 2 * h * np.sqrt(x * x + y * y + z * z), NEAR_WALL
-        if size > 0:  # how far an impact might move them
-            bench.start[WAY, i] = min(bench.start[WAY, i], far * float(c.r[i]) / size)
-            bench.start[WAY, j] = min(bench.start[WAY, j], far * float(c.r[j]) / size)
-    for k in range(each.report[COUNT]):
-        i, j = bench.rows[0, k], bench.rows[1, k]
         bench.shift[0, k] -= c.x[i] - c.x[j]
         bench.shift[1, k] -= c.y[i] - c.y[j]
         bench.shift[2, k] -= c.z[i] - c.z[j]
+        size = h * _most_given(each, c, before, k)
+        if size > 0:  # how far an impact might move them
+            bench.start[WAY, i] = min(bench.start[WAY, i], farthest(bench) * float(c.r[i]) / size)
+            bench.start[WAY, j] = min(bench.start[WAY, j], farthest(bench) * float(c.r[j]) / size)
+    for k in range(each.report[COUNT]):
+        i, j = bench.rows[0, k], bench.rows[1, k]
         x, y, z, far = line_when(bench, c, i, j, k, h)
         bench.normal[0, k], bench.normal[1, k], bench.normal[2, k] = x, y, z
         note_parts(each, c, k, far / (c.r[i] + c.r[j]))
@@ -147,6 +146,8 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
             if -now > least:
                 bench.normal[PARTS, k] = bench.normal[PARTS + 1, k] = 0
             least = type_of(most, ANY)
+        elif -now <= least:  # the fall of a step has hidden the gap
+            bench.normal[ROOM, k] = _gap_when_held(bench, c, before, k, h) / type_of(most, CLOSES * h)
         bench.normal[LEAST, k], bench.normal[PARTING, k] = least, 0
         bench.normal[LATER, k] = type_of(least, -later)
         most, fastest = max(most, abs(mine - other)), max(fastest, -now)
@@ -168,6 +169,38 @@ def note_parts(each: Any, c: Any, k: Any, arm: Any) -> None:
         spins = type_of(arm, 2.5) * arm
         n[ARM, k], n[SHARE, k] = arm, type_of(arm, 1) / (type_of(arm, 1) + spins * arm)
         n[SPINS, k], n[SPINS + 1, k] = spins * n[PARTS, k] / c.r[i], spins * n[PARTS + 1, k] / c.r[j]
+
+
+def _most_given(each: Any, c: Any, before: Any, k: Any) -> float:
+    """How much an impulse changes the relative velocity of pair k at most, if nothing else acts on it [m/s]: what takes the
+    approach along the line of centres, at either end of the step, what rebounds, and friction. By how fast it slides along
+    the other one a particle is not moved: were it moved less than forces have moved it, it would fall into that one, and
+    each lift out of it would be energy."""
+    bench, i, j = each.bench, each.bench.rows[0, k], each.bench.rows[1, k]
+    v = float(c.vx[i] - c.vx[j]), float(c.vy[i] - c.vy[j]), float(c.vz[i] - c.vz[j])
+    x, y, z, _ = line_between(c, i, j, bench.shift, k)
+    most = abs(v[0] * float(x) + v[1] * float(y) + v[2] * float(z))
+    dx, dy, dz = (float(before[axis, i] - before[axis, j] + bench.shift[axis, k]) for axis in range(3))
+    apart = np.sqrt(dx * dx + dy * dy + dz * dz)
+    if apart > 0:
+        most = max(most, abs(v[0] * dx + v[1] * dy + v[2] * dz) / apart)
+    mine, other = changed_along(bench, c, before, i, x, y, z), changed_along(bench, c, before, j, x, y, z)
+    if most > REST * float(abs(mine - other)):
+        most *= 1 + each.law.restitution
+    if each.law.friction is not None:
+        slide = min(float(each.law.friction.static) * most, np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))
+        most = np.sqrt(most * most + slide * slide)
+    return most
+
+
+def _gap_when_held(bench: Any, c: Any, before: Any, k: Any, h: Any) -> Any:
+    """The gap that pair k would have at the end of the step without what forces have done in it [m]; 0 if it touches."""
+    i, j = bench.rows[0, k], bench.rows[1, k]
+    wi, wj = type_of(c.x[i], h * bench.start[WAY, i]), type_of(c.x[j], h * bench.start[WAY, j])
+    x = c.x[i] - wi * (c.vx[i] - before[3, i]) - (c.x[j] - wj * (c.vx[j] - before[3, j])) + bench.shift[0, k]
+    y = c.y[i] - wi * (c.vy[i] - before[4, i]) - (c.y[j] - wj * (c.vy[j] - before[4, j])) + bench.shift[1, k]
+    z = c.z[i] - wi * (c.vz[i] - before[5, i]) - (c.z[j] - wj * (c.vz[j] - before[5, j])) + bench.shift[2, k]
+    return max(np.sqrt(x * x + y * y + z * z) - c.r[i] - c.r[j], type_of(x, 0))
 
 
 def line_when(bench: Any, c: Any, i: Any, j: Any, k: Any, h: Any) -> Any:
