@@ -55,8 +55,7 @@ def cut_contact(c: Any, p: Particle, q: Particle, h: float, slack: float) -> flo
 
 
 def _further(c: Any, p: Particle, w: Any, s: Any, slack: Any) -> Any:
-    """A part of a way after s at which the place is in the intersection, as it is at s, and nearer to the side there than to
-    the other one."""
+    """A part of a way after s at which the place is in the intersection, as it is at s, and under the same side."""
     speed, k = longest(w), 0
     more = type(p.x)(c.grain) / speed if speed > 0 else s - s
     n = normal(c, place_on(w, p, s))
@@ -67,9 +66,9 @@ def _further(c: Any, p: Particle, w: Any, s: Any, slack: Any) -> Any:
 
 
 def _is_under(c: Any, n: Any, p: Any, slack: Any) -> Any:
-    """Whether a place is in an intersection, and not behind the side with the normal n."""
+    """Whether a place is in an intersection, under the side with the normal n."""
     m = normal(c, p)
-    return gap(c, p) < -slack and n[0] * m[0] + n[1] * m[1] + n[2] * m[2] > type(p.x)(-0.5)
+    return gap(c, p) < -slack and n[0] * m[0] + n[1] * m[1] + n[2] * m[2] > type(p.x)(0.5)
 
 
 def _comes_into(part: Any, p: Particle, w: Any, s: Any, slack: Any) -> Any:

@@ -180,3 +180,43 @@ def test_solids_put_together_are_pieces_of_convex_ones_with_the_same_gaps() -> N
     np.testing.assert_allclose(distances(shape, x), expected, atol=1e-14)
     inside = of(of=[both, cut, lens], inside=True).shape()
     np.testing.assert_allclose(distances(inside, x), -expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05])
+@pytest.mark.parametrize("dt", [0.005, 0.02])
+def test_what_slides_along_an_edge_stays_in_its_room_beside_another_one(dt: float, friction: float) -> None:
+    """Three of 20 had passed a wall of a nanometre: of the wall and the floor of the next room the farther one was met."""
+    thick, n = 1e-9, 20
+    rooms = [{"type": "box", "center": [x, 0, 0], "size": [1, 1, 1]} for x in (0.5, 1.5 + thick)]
+    x = np.stack([np.random.default_rng(1).uniform(0.1, 0.9, n), *np.full((2, n), -0.2)], axis=1)
+    layout = {"type": "points", "position": x.tolist(), "velocity": [[0.5, 0.0, 0.0]] * n}
+    block = {"type": "box", "center": [1, 0, 0], "size": [6, 6, 6]}
+    given = table(
+        1.0,
+        dt,
+        particles=[{"layout": layout}],
+        forces=[{"type": "gravity", "acceleration": [3.0, -8.0, -9.0]}],
+        colliders=[{"type": "difference", "of": [block, *rooms], "restitution": 0.0, "friction": friction}],
+    )
+    end = np.array(ps.run(ps.from_table(given)).final["position"])
+    assert end[:, 0].max() < 1 + 0.5 * thick
+    assert np.abs(end[:, 1:]).max() < 0.5 + 1e-12
+
+
+def test_what_falls_along_a_wall_hits_the_floor_of_a_room_straight() -> None:
+    """As in a container of one shape: a glide that ended a little under the floor had a normal between both, and led away from
+    the wall with half of the speed."""
+    x = np.stack([np.random.default_rng(1).uniform(0.1, 0.9, 20), *np.full((2, 20), -0.2)], axis=1)
+    room = {"type": "box", "center": [0.5, 0, 0], "size": [1, 1, 1]}
+    block = {"type": "box", "center": [1, 0, 0], "size": [6, 6, 6]}
+    given = table(
+        1.0,
+        0.005,
+        particles=[
+            {"layout": {"type": "points", "position": x.tolist(), "velocity": [[0.5, 0.0, 0.0]] * 20}}
+        ],
+        forces=[{"type": "gravity", "acceleration": [3.0, -8.0, -9.0]}],
+        colliders=[{"type": "difference", "of": [block, room], "restitution": 0.0}],
+    )
+    end = np.array(ps.run(ps.from_table(given)).final["position"])
+    np.testing.assert_allclose(end, np.tile([1, -0.5, -0.5], (20, 1)), atol=1e-9)

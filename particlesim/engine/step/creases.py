@@ -146,10 +146,10 @@ def free_part(c: Any, here: Any, p: Any, r: Any, n: Any, m: Any, h: Any, slack: 
                 if s < 1:
                     # up to a place before it from which a free step meets it: without the lift that is earlier
                     met = tuple(x + s * h * w for x, w in zip(start, v, strict=True))
-                    _, wall = gap_and_normal(c, at_place(p, met, v))
+                    deep, wall = gap_and_normal(c, at_place(p, met, v))
                     ahead = tuple(-axis for axis in wall)
                     closing = max(-dot(wall, v), type_of(h, GRAZES) * np.sqrt(dot(v, v)))
-                    s = s - 2 * lift / (h * closing)
+                    s = s - (2 * lift - min(deep, one - one)) / (h * closing)
                     part = begin + half * max(s, one - one)
             begin = half
         part = _time_for(p, r, ahead, part, h) if part < 1 else part

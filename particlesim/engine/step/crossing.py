@@ -120,15 +120,15 @@ def _through(shape: Any, p: Any, q: Any, slack: Any) -> Any:
     if isinstance(shape, UnionRecord):
         return min(*[_through(part, p, q, slack) for part in shape.parts])
     one = type_of(p.x, 1)
-    if apart(shape, p, q, one, slack) or not _behind(shape, p, q):
+    if apart(shape, p, q, one, slack) or not _behind(shape, p, q, slack):
         return one
     return min(first_contact(shape, p, q, one, slack), one)
 
 
-def _behind(shape: Any, p: Any, q: Any) -> Any:
+def _behind(shape: Any, p: Any, q: Any, slack: Any) -> Any:
     """Whether q is on the other side of a shape than p."""
     if isinstance(shape, IntersectionRecord):
-        return (side_from(shape, p, q)[0] < 0) & ((gap(shape, q) >= 0) | opposite(shape, p, q))
+        return (side_from(shape, p, q)[0] < -slack) & ((gap(shape, q) >= -slack) | opposite(shape, p, q))
     return opposite(shape, p, q)
 
 
