@@ -204,8 +204,8 @@ def test_what_slides_along_an_edge_stays_in_its_room_beside_another_one(dt: floa
 
 
 def test_what_falls_along_a_wall_hits_the_floor_of_a_room_straight() -> None:
-    """As in a container of one shape: a glide that ended a little under the floor had a normal between both, and led away from
-    the wall with half of the speed."""
+    """As in a container of one shape: a glide that ended a little under the floor had a normal between both, and led off
+    from the wall with half of the speed."""
     x = np.stack([np.random.default_rng(1).uniform(0.1, 0.9, 20), *np.full((2, 20), -0.2)], axis=1)
     room = {"type": "box", "center": [0.5, 0, 0], "size": [1, 1, 1]}
     block = {"type": "box", "center": [1, 0, 0], "size": [6, 6, 6]}
