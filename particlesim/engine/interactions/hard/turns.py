@@ -146,7 +146,7 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
             if -now > least:
                 bench.normal[PARTS, k] = bench.normal[PARTS + 1, k] = 0
             least = type_of(most, ANY)
-        elif -now <= least:  # the fall of a step has hidden the gap
+        elif (-now <= least) & (each.law.restitution < 1):  # the fall of a step has hidden the gap
             bench.normal[ROOM, k] = _gap_when_held(bench, c, before, k, h) / type_of(most, CLOSES * h)
         bench.normal[LEAST, k], bench.normal[PARTING, k] = least, 0
         bench.normal[LATER, k] = type_of(least, -later)
@@ -172,10 +172,10 @@ def note_parts(each: Any, c: Any, k: Any, arm: Any) -> None:
 
 
 def _most_given(each: Any, c: Any, before: Any, k: Any) -> float:
-    """How much an impulse changes the relative velocity of pair k at most, if nothing else acts on it [m/s]: what takes the
-    approach along the line of centres, at either end of the step, what rebounds, and friction. By how fast it slides along
-    the other one a particle is not moved: were it moved less than forces have moved it, it would fall into that one, and
-    each lift out of it would be energy."""
+    """How much an impulse changes the relative velocity of pair k at most, if nothing else acts on it [m/s]: twice the speed
+    in an impact; at rest what takes the approach along the line of centres, at either end of the step, and friction. By how
+    fast it slides along the other one what rests is not moved: were it moved less than forces have moved it, it would fall
+    into that one, and each lift out of it would be energy."""
     bench, i, j = each.bench, each.bench.rows[0, k], each.bench.rows[1, k]
     v = float(c.vx[i] - c.vx[j]), float(c.vy[i] - c.vy[j]), float(c.vz[i] - c.vz[j])
     x, y, z, _ = line_between(c, i, j, bench.shift, k)
@@ -185,10 +185,11 @@ def _most_given(each: Any, c: Any, before: Any, k: Any) -> float:
     if apart > 0:
         most = max(most, abs(v[0] * dx + v[1] * dy + v[2] * dz) / apart)
     mine, other = changed_along(bench, c, before, i, x, y, z), changed_along(bench, c, before, j, x, y, z)
+    speed = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     if most > REST * float(abs(mine - other)):
-        most *= 1 + each.law.restitution
+        return 2 * speed  # an impact, in a line that turns in the step
     if each.law.friction is not None:
-        slide = min(float(each.law.friction.static) * most, np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))
+        slide = min(float(each.law.friction.static) * most, speed)
         most = np.sqrt(most * most + slide * slide)
     return most
 
