@@ -179,7 +179,11 @@ def intersection_sure_gap(c: IntersectionRecord, p: Particle) -> float:
 
 @law(thinnest, UnionRecord)
 def union_thinnest(c: UnionRecord) -> float:
-    return min(c.grain * PARTS, *[thinnest(part) for part in c.parts if dented(part)], c.grain * PARTS)
+    thin = c.grain * PARTS
+    for part in c.parts:
+        if dented(part):
+            thin = min(thin, thinnest(part))
+    return thin
 
 
 @law(thinnest, IntersectionRecord)
