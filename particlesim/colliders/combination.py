@@ -19,11 +19,21 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from particlesim.colliders import COMPONENTS, SOLIDS
 from particlesim.colliders.emptiness import common_of, surely_apart
-from particlesim.colliders.gaps import gaps_of
+from particlesim.colliders.gaps import gaps_and_normals_of, gaps_of
 from particlesim.colliders.half_space import HalfSpace
 from particlesim.colliders.parts import IntersectionRecord, UnionRecord, spread
 from particlesim.colliders.solid import GRAIN, HollowConvexRecord, HollowRecord, Solid, SolidCollider
-from particlesim.colliders.triangulation import Triangles, clipped, joined, without_slivers
+from particlesim.colliders.triangulation import (
+    Distance,
+    Triangles,
+    clipped,
+    joined,
+    shifted,
+    side_of,
+    turned_over,
+    without_slivers,
+)
+from particlesim.laws.registry import bend
 from particlesim.model.mistakes import invalid
 from particlesim.model.variants import Tagged
 
@@ -37,6 +47,8 @@ SHARP, ROUNDED, MOST_ENDS = 0.7, 1e-9, 64
 What of the size of a solid is taken for rounding. How many places are looked at to see how much too early balls touch."""
 BLUNT = 0.45
 """The same for edges that stand into a union: 0.41 at a right angle."""
+FLUSH = 1e-7
+"""How far before and behind a face places are looked at that tell whether it is on the surface, in parts of its size."""
 FINE = 128
 """Triangles of a cut surface along the longest side of a part, at least."""
 
@@ -98,17 +110,9 @@ class Combination(Solid):
 
     def triangles(self) -> Triangles:
         """Of each part what lies inside of all the others."""
-        shapes = self.whole()
-        found = []
-        for k, part in enumerate(self.of):
-            surface = self.surface_of(part)
-            hollow = k > 0 and isinstance(self, Difference)
-            longest = float(np.ptp(surface.corners, axis=0).max()) / FINE
-            for other in (*shapes[:k], *shapes[k + 1 :]):
-                surface = clipped(surface, functools.partial(distances, other), longest)
-            surface = without_slivers(surface)
-            found.append(Triangles(surface.corners, surface.faces[:, ::-1]) if hollow else surface)
-        return joined(found)
+        first, *others = (self.surface_of(part) for part in self.of)
+        others = [turned_over(each) for each in others] if isinstance(self, Difference) else others
+        return _common(self.whole(), [first, *others])
 
 
 class CombinationCollider(SolidCollider):
@@ -158,6 +162,39 @@ def distances(shape: Any, corners: Any) -> Any:
     return out
 
 
+def _common(shapes: Sequence[Any], surfaces: Sequence[Triangles]) -> Triangles:
+    """The surface of what shapes have in common, from their surfaces. Where faces of two lie on each other that of the first
+    is taken, if they look the same way, else none: places just behind a face are in all shapes, and those just before it not
+    in earlier ones."""
+    found = []
+    for k, surface in enumerate(surfaces):
+        size = float(np.ptp(surface.corners, axis=0).max())
+        for j, shape in enumerate(shapes):
+            for by in () if j == k else (-FLUSH,) if j > k else (-FLUSH, FLUSH):
+                moved = clipped(shifted(surface, by * size), distance_to(shape), size / FINE)
+                surface = shifted(moved, -by * size)
+        found.append(without_slivers(surface))
+    return joined(found)
+
+
+def distance_to(shape: Any) -> Distance:
+    """The signed distance to a shape, as surfaces are clipped by it."""
+    return Distance(functools.partial(distances, shape), functools.partial(_side_of, shape))
+
+
+def _side_of(shape: Any, triangles: Any) -> Any:
+    """On which side of a shape triangles [m, 3, 3] are for sure: −1 inside, 1 outside, 0 where that is not known."""
+    if isinstance(shape, (UnionRecord, IntersectionRecord)):
+        sides = np.stack([_side_of(part, triangles) for part in shape.parts])
+        return sides.min(axis=0) if isinstance(shape, UnionRecord) else sides.max(axis=0)
+    if bend(shape) == 0:
+        return np.zeros(len(triangles), int)
+    x, y, z = np.ascontiguousarray(triangles.reshape(-1, 3).T, float)
+    gaps, normals = np.empty(x.size), np.empty((x.size, 3))
+    gaps_and_normals_of(shape, x, y, z, gaps, normals)
+    return side_of(triangles, gaps.reshape(-1, 3), normals.reshape(-1, 3, 3), bend(shape))
+
+
 class Union(Combination):
     """Solids that are one: particles stay out of all of them."""
 
@@ -179,15 +216,8 @@ class Union(Combination):
 
     def walls(self) -> Triangles:
         """Of each part what lies outside of all the others."""
-        shapes, found = [part.geometry() for part in self.of], []
-        for k, part in enumerate(self.of):
-            surface = self.surface_of(part)
-            longest = float(np.ptp(surface.corners, axis=0).max()) / FINE
-            for other in (*shapes[:k], *shapes[k + 1 :]):
-                outside = HollowRecord(other, self.grain())
-                surface = clipped(surface, functools.partial(distances, outside), longest)
-            found.append(without_slivers(surface))
-        return joined(found)
+        outsides = [_outside_of(part) for part in self.of]
+        return turned_over(_common(outsides, [turned_over(self.surface_of(part)) for part in self.of]))
 
 
 class UnionCollider(Union, CombinationCollider):
@@ -210,7 +240,7 @@ class UnionCollider(Union, CombinationCollider):
         if not len(places) or not len(walls.faces):
             return 0.0
         few = np.linspace(0, len(places) - 1, min(len(places), 4 * MOST_ENDS)).astype(int)
-        room = np.minimum(_distances_to(walls, places[few]), radius)
+        room = np.minimum(distances_from_surface(walls, places[few]), radius)
         most = float((room - deep[few]).max())
         return most if most > BLUNT * radius + ROUNDED * self.farthest() else 0.0
 
@@ -340,7 +370,7 @@ class DifferenceCollider(Difference, CombinationCollider):
         if not len(surface.faces):
             return 0.0  # nothing seems to be left of it, which `doubts` tells
         few = np.linspace(0, len(ends) - 1, min(len(ends), MOST_ENDS)).astype(int)
-        most = float((_distances_to(surface, ends[few]) - seen[few]).max())
+        most = float((distances_from_surface(surface, ends[few]) - seen[few]).max())
         return most if most > SHARP * radius + ROUNDED * self.farthest() else 0.0
 
     def early_where(self, radius: float) -> str:
@@ -371,10 +401,17 @@ def _under(surface: Triangles, radius: float) -> Any:
     )
 
 
-def _distances_to(surface: Triangles, places: Any) -> Any:
+def distances_from_surface(surface: Triangles, places: Any) -> Any:
     """Distances of places to a surface [m]."""
     from trimesh.triangles import closest_point
 
     corners = surface.corners[surface.faces]
-    nearest = (closest_point(corners, np.broadcast_to(x, (len(corners), 3))) for x in places)  # type: ignore[no-untyped-call]
-    return np.array([np.linalg.norm(each - x, axis=1).min() for each, x in zip(nearest, places, strict=True)])
+    middles = corners.mean(axis=1)
+    reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
+    found = []
+    for x in places:
+        away = np.linalg.norm(middles - x, axis=1)
+        near = corners[away - reach <= (away + reach).min()]
+        nearest = closest_point(near, np.broadcast_to(x, (len(near), 3)))  # type: ignore[no-untyped-call]
+        found.append(np.linalg.norm(nearest - x, axis=1).min())
+    return np.array(found)

@@ -18,6 +18,17 @@ def gaps_of(shape: Any, x: Any, y: Any, z: Any, radius: Any, t: Any, out: Any) -
 
 
 @kernel
+def gaps_and_normals_of(shape: Any, x: Any, y: Any, z: Any, out: Any, normals: Any) -> None:
+    """`out[i]`, `normals[i]`: the gap of a place (x, y, z)[i] to a shape at rest [m], and the normal there."""
+    for i in range(out.size):
+        zero = x[i] - x[i]
+        p = Particle(x[i], y[i], z[i], zero, zero, zero, zero, zero, zero, zero, zero)
+        out[i], n = gap_and_normal(shape, p)
+        for k in range(3):
+            normals[i, k] = zero if n[k] is None else n[k]
+
+
+@kernel
 def put_outside(shape: Any, x: Any, radius: Any, free: Any, t: Any) -> None:
     """Particles at x [n, 3] that are inside of a shape at time t go to its surface, but for those with free = 0."""
     for i in range(radius.size):

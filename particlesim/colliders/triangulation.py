@@ -13,6 +13,11 @@ from particlesim.model.vectors import Vector3
 
 SIDES = 96
 """Corners around an axis."""
+LARGE = 1e75
+"""Lengths whose squares, and those of their products, are numbers [m]."""
+
+HALVES = 20
+"""Halves in which the place is found at which an edge is cut."""
 
 
 class Triangles(NamedTuple):
@@ -35,6 +40,21 @@ def joined(parts: Sequence[Triangles]) -> Triangles:
             [np.empty((0, 3), np.int64), *(part.faces + k for part, k in zip(parts, first, strict=False))]
         ),
     )
+
+
+def turned_over(surface: Triangles) -> Triangles:
+    """With fronts on the other side."""
+    return Triangles(surface.corners, surface.faces[:, ::-1])
+
+
+def shifted(surface: Triangles, by: float) -> Triangles:
+    """With every triangle moved to its front [m], for itself."""
+    t = surface.corners[surface.faces]
+    unit = max(1.0, float(np.abs(t).max(initial=0.0)) / LARGE)
+    front = np.cross((t[:, 1] - t[:, 0]) / unit, (t[:, 2] - t[:, 0]) / unit)
+    size = np.linalg.norm(front, axis=1, keepdims=True)
+    t = t + (by * front / np.where(size > 0, size, 1))[:, None]
+    return Triangles(t.reshape(-1, 3), np.arange(3 * len(t)).reshape(-1, 3))
 
 
 def cuboid(size: Vector3) -> Triangles:
@@ -97,27 +117,34 @@ def grid_faces(index: Ints) -> Ints:
     return np.stack([first, second], axis=2).reshape(-1, 3)
 
 
-LARGE = 1e150
-"""Lengths whose squares are numbers [m]."""
+class Distance(NamedTuple):
+    """What surfaces are clipped by: `at` gives signed distances [n] of places [n, 3] [m], which change no faster than these
+    do; `side` tells which triangles [m, 3, 3] are on one side for sure, −1 or 1, and 0 of others."""
+
+    at: Callable[[Floats], Floats]
+    side: Callable[[Floats], Ints]
 
 
-def clipped(surface: Triangles, distance: Callable[[Floats], Floats], longest: float) -> Triangles:
-    """The part of a surface where a distance of places [n, 3], which changes no faster than they do, is negative.
+def clipped(surface: Triangles, distance: Distance, longest: float) -> Triangles:
+    """The part of a surface where a distance is negative.
 
-    Triangles on both sides are halved until no edge is longer than `longest` [m], and cut along the line between the zeros
-    on their edges.
+    Triangles on both sides are halved until no edge is longer than `longest` [m], and cut along the line between the places
+    on their edges where it is zero.
     """
     kept, corners = [], surface.corners
     faces = surface.faces
-    value = distance(corners)
+    value = distance.at(corners)
     while len(faces):
         edge = corners[faces] - corners[np.roll(faces, -1, axis=1)]
         unit = max(1.0, float(np.abs(edge).max()) / LARGE)
         length = unit * np.sqrt(((edge / unit) ** 2).sum(axis=2))
-        clear = np.abs(value[faces]).max(axis=1) > length.max(axis=1)
-        kept.append(faces[clear & (value[faces] < 0).all(axis=1)])
+        far = np.abs(value[faces]).max(axis=1) > length.max(axis=1)
+        side = np.where(far, np.where(value[faces[:, 0]] < 0, -1, 1), 0)
+        side[~far] = distance.side(corners[faces[~far]])
+        clear = side != 0
+        kept.append(faces[side < 0])
         small = ~clear & (length.max(axis=1) <= longest)
-        cut, added = _cut(corners, value, faces[small])
+        cut, added = _cut(corners, value, faces[small], distance.at)
         kept.append(cut)
         large = ~clear & ~small
         corners, value = np.concatenate([corners, added]), np.concatenate([value, np.zeros(len(added))])
@@ -127,13 +154,26 @@ def clipped(surface: Triangles, distance: Callable[[Floats], Floats], longest: f
         a, b, c = (faces[large][row, (k + turn) % 3] for turn in range(3))
         middle = 0.5 * (corners[a] + corners[b])
         m = len(corners) + row
-        corners, value = np.concatenate([corners, middle]), np.concatenate([value, distance(middle)])
+        corners, value = np.concatenate([corners, middle]), np.concatenate([value, distance.at(middle)])
         faces = np.concatenate([np.stack([a, m, c], axis=1), np.stack([m, b, c], axis=1)])
     return Triangles(corners, np.concatenate([np.empty((0, 3), np.int64), *kept]))
 
 
-def _cut(corners: Floats, value: Floats, faces: Ints) -> tuple[Ints, Floats]:
-    """The parts of triangles where a function that is linear in them is negative, and the corners that they have besides."""
+def side_of(triangles: Floats, value: Floats, slope: Floats, bend: int) -> Ints:
+    """On which side of a function triangles [m, 3, 3] are for sure, by its values [m, 3] and slopes [m, 3, 3] at their
+    corners: −1 or 1, and 0 of others. It is convex where `bend` is 1, concave where it is −1.
+
+    A convex function is negative where it is at all corners, and positive where the plane at one of them is at all.
+    """
+    up, steep = bend * value, bend * slope
+    ways = triangles[:, None, :, :] - triangles[:, :, None, :]
+    planes = up[:, :, None] + np.einsum("mik,mijk->mij", steep, ways)
+    return bend * ((planes.min(axis=2).max(axis=1) > 0).astype(int) - (up < 0).all(axis=1))
+
+
+def _cut(corners: Floats, value: Floats, faces: Ints, at: Callable[[Floats], Floats]) -> tuple[Ints, Floats]:
+    """The parts of triangles where a function is negative, one side of a line in each, and the corners that they have
+    besides."""
     inside = value[faces] < 0
     number = inside.sum(axis=1)
     kept, added, first = [faces[number == 3]], [np.empty((0, 3))], len(corners)
@@ -144,14 +184,24 @@ def _cut(corners: Floats, value: Floats, faces: Ints) -> tuple[Ints, Floats]:
         a, b, c = (some[np.arange(len(some)), (odd + k) % 3] for k in range(3))
         cuts = []
         for end in (b, c):
-            t = (value[a] / (value[a] - value[end]))[:, None]
-            added.append(corners[a] + t * (corners[end] - corners[a]))
+            added.append(_zeros(corners[a], corners[end], value[a] < 0, at))
             cuts.append(first + np.arange(len(some)))
             first += len(some)
         d, e = cuts
         parts = ((a, d, e),) if wanted == 1 else ((d, b, c), (d, c, e))
         kept += [np.stack(each, axis=1) for each in parts]
     return np.concatenate(kept), np.concatenate(added)
+
+
+def _zeros(start: Floats, end: Floats, inside: NDArray[np.bool_], at: Callable[[Floats], Floats]) -> Floats:
+    """Where a function is zero between places [n, 3] with different signs of it; `inside`: which starts it is negative at.
+    By halves: it has a kink where it meets the edge of a face."""
+    near, far = start, end
+    for _ in range(HALVES):
+        middle = 0.5 * (near + far)
+        here = ((at(middle) < 0) == inside)[:, None]
+        near, far = np.where(here, middle, near), np.where(here, far, middle)
+    return 0.5 * (near + far)
 
 
 def without_slivers(surface: Triangles) -> Triangles:
