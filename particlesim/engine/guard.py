@@ -182,17 +182,18 @@ class Guard:
 
 def _rounded(world: World, number: int) -> float:
     """The energy that rounding of all kicks so far may give [J]: each is m (a h)², also where a contact takes it back
-    at once, as from what lies on a slope."""
+    at once, as from what lies on a slope. And that of a lift by as much as hard contacts may close or open at rest."""
     dt, structure, total = world.grid.dt, world.graph.islands[number], 0.0
+    slack = max((each.slack for each in world.islands[number].interactions), default=0.0)
     for member, state in enumerate(world.islands[number].states):
-        some = np.unique(np.linspace(0, state.count - 1, min(state.count, FEW)).astype(int))
-        kicks = [
-            (sum(alone(world, structure, member, particle).values()) * dt) ** 2 / particle.m
-            for particle in (state.particle(int(i), world.time) for i in some)
-            if particle.m > 0
-        ]
         error = ROUNDING * float(np.finfo(state.dtype).eps) * world.step
-        total += error * state.count * max((each for each in kicks if math.isfinite(each)), default=0.0)
+        some = np.unique(np.linspace(0, state.count - 1, min(state.count, FEW)).astype(int))
+        gains = [0.0]
+        for particle in (state.particle(int(i), world.time) for i in some):
+            pull = sum(alone(world, structure, member, particle).values())
+            if particle.m > 0 and math.isfinite(pull):
+                gains.append(error * (pull * dt) ** 2 / particle.m + slack * pull * particle.r)
+        total += state.count * max(gains)
     return total
 
 

@@ -231,6 +231,11 @@ class Interaction:
         return 0.0
 
     @property
+    def slack(self) -> float:
+        """How far contacts at rest may overlap, or be apart, as a part of the radius."""
+        return 0.0
+
+    @property
     def given(self) -> float:
         """What it has given to particles by moving them apart, without forces [J]."""
         return 0.0

@@ -20,6 +20,9 @@ impacts of the step have done so [m/s]: distance over sum of radii; the overlap 
 a change of their relative velocity, after PARTS [2], which part of sliding it has to be to end that, and by
 how much it turns each of them [2] [1/m]; what forces add to their approach after an impact in the step [m/s]."""
 OWN, RUBS, ABOVE, FASTER = 6, 9, 10, 11
+STILL = 14
+"""Row of `normal` and `wall_normal` after these: 1 of what has touched at the beginning of the step and did not approach
+then, so that an elastic contact rests, too; else 0."""
 """Rows of `wall_normal` after the normal, LEAST, PARTING and ALONG: the velocity of the surface [m/s], the coefficient
 of its friction at rest, how far above it a particle is that does not touch it [m], and by how much faster the surface is at
 the end of the step than in its middle, when impulses work [3] [m/s]."""
@@ -27,10 +30,11 @@ FREE, BOUNCY = -1, -2
 """Values of LEAST of what does not lie on its wall, where that is elastic, too."""
 LIMIT = 3
 """Row of `held` after the friction: how much of it there is at most, over what pushes, as it slides or not."""
-TURN, WORK, GAIN, SQUARE, WAY = 3, 6, 7, 8, 9
+TURN, WORK, GAIN, SQUARE, WAY, CARRIED = 3, 6, 7, 8, 9, 10
 """Rows of `start`, after velocities before impulses: angular velocities; of the particle that stands for a cluster, the work
 of what nothing moves, what impulses have added, and the sum of m |Δv|² + I |Δω|² [J]; how far forces have moved a particle
-in the step, over what they have changed its velocity by times the step."""
+in the step, over what they have changed its velocity by times the step; what colliders that it rests on have taken up of
+their kick [3] [m/s]."""
 REST, CLOSES = 2.0, 4
 """Steps in which forces bring about an approach that counts as rest, and in which what rests over a gap may close it."""
 NEAR, WIDE = 3.0, 1 + AT_REST
@@ -43,15 +47,15 @@ FARTHEST = 1.0
 
 
 class Bench(NamedTuple):
-    """Room to work in: rows of pairs [2, room], the smaller one first; normals and more of pairs [14, room]; what to add to
+    """Room to work in: rows of pairs [2, room], the smaller one first; normals and more of pairs [15, room]; what to add to
     the difference of their places for the nearest image [3, room] [m].
 
-    Rows of particles at colliders [walls], their normals and more [14, walls], the numbers of their colliders [walls], and
+    Rows of particles at colliders [walls], their normals and more [15, walls], the numbers of their colliders [walls], and
     where those at each collider of each group end. Of pairs, and after them of particles at walls: the friction that they
     have been given at rest, as a change of velocity [m/s], and its LIMIT [4, room + walls].
 
     Of particles: `mark` [n]; by how much forces have changed velocities in the step, at most in a cluster [n] [m/s];
-    velocities before impulses, sums over clusters, and more [10, n]; by how much faster those are that nothing moves than in
+    velocities before impulses, sums over clusters, and more [13, n]; by how much faster those are that nothing moves than in
     the middle of the step [3, n] [m/s]. A desk for impulses that are found at once.
 
     With rolling friction, None without: what contacts have been given of it at rest (`friction`), and its LIMIT, as for
@@ -79,16 +83,16 @@ def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any, roll
     """Room for some pairs, for particles at colliders, and for the ends of their lists, among some particles."""
     return Bench(
         np.zeros((2, room), np.int64),
-        np.zeros((14, room), dtype),
+        np.zeros((15, room), dtype),
         np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),
-        np.zeros((14, walls), dtype),
+        np.zeros((15, walls), dtype),
         np.zeros(walls, np.int64),
         np.zeros(ends, np.int64),
         np.zeros((4, room + walls), dtype),
         np.zeros(particles, np.int8),
         np.zeros(particles, dtype),
-        np.zeros((10, particles)),
+        np.zeros((13, particles)),
         np.zeros((3, particles)),
         new_desk(room + walls, particles),
         np.zeros((4, room + walls), dtype) if rolls else None,

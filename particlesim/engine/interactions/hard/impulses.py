@@ -38,6 +38,7 @@ from particlesim.engine.interactions.hard.apart import (
     FAR,
     MUCH,
     ROUGHLY,
+    SLACK,
     TURNS_APART,
     begin_apart,
     move_apart,
@@ -210,6 +211,10 @@ class Impulses(NearLists, ImpulseColumns):
         known = known_by(there.known, rows, rows.size, self.known.partner.size)
         for mine, theirs in zip(there_is(self.known), there_is(known), strict=True):
             mine[:] = theirs
+
+    @property
+    def slack(self) -> float:
+        return SLACK
 
     @property
     def given(self) -> float:

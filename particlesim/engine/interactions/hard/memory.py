@@ -27,6 +27,7 @@ from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import GIVEN, LEAST, root
 from particlesim.engine.interactions.hard.bench import (
     ABOVE,
+    CARRIED,
     COUNT,
     GAIN,
     LIMIT,
@@ -360,7 +361,7 @@ def book_moves(each: Any, c: Any, before: Any, h: Any) -> None:
             power, square = 0.0, 0.0
             for axis, now in enumerate((c.vx, c.vy, c.vz)):
                 change = float(now[i]) - s[axis, i]
-                power += change * (s[axis, i] - float(before[3 + axis, i]))
+                power += change * (s[axis, i] - float(before[3 + axis, i]) - s[CARRIED + axis, i])
                 square += change * change
             part = way_by(each.bench, c, i, np.sqrt(square), h) / h
             part = part if power > 0 else min(part, 0.5)

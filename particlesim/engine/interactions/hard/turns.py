@@ -23,6 +23,7 @@ from particlesim.engine.interactions.hard.at_once import (
 from particlesim.engine.interactions.hard.bench import (
     ABOVE,
     ARM,
+    CARRIED,
     CLOSES,
     COUNT,
     FREE,
@@ -32,6 +33,7 @@ from particlesim.engine.interactions.hard.bench import (
     REST,
     SHARE,
     SPINS,
+    STILL,
     THROWN,
     WAY,
     WORK,
@@ -53,6 +55,9 @@ MIDDLE = 0.5
 NOISE, OTHER = 1e-6, 0.1
 """Ways in a step, as parts of how far from the origin they are, that say nothing; by how much the one of a particle that has
 hit something differs from that of a method, as a part of it."""
+TOUCHED, CALMLY = 1e-6, 0.25
+"""Gap, as a part of the smaller radius, below which two have touched; how fast they may have been then to be at rest, as a
+part of what forces give in the step."""
 ANY = 1e30
 """Least speed of a rebound of what does not touch [m/s]."""
 BLOWS = 24
@@ -68,6 +73,7 @@ def mark_pairs(each: Any) -> None:
     struck = w.number[STRUCK] > 0
     for i in range(bench.mark.size):
         bench.mark[i] = THROWN if struck and w.what[HIT, i] > 0 else 0
+        bench.start[CARRIED, i] = bench.start[CARRIED + 1, i] = bench.start[CARRIED + 2, i] = 0.0
     for k in range(each.report[COUNT]):
         for i in (bench.rows[0, k], bench.rows[1, k]):
             bench.mark[i] = bench.mark[i] | PAIRED
@@ -149,6 +155,7 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         elif (-now <= least) & (each.law.restitution < 1):  # the fall of a step has hidden the gap
             bench.normal[ROOM, k] = _gap_when_held(bench, c, before, k, h) / type_of(most, CLOSES * h)
         bench.normal[LEAST, k], bench.normal[PARTING, k] = least, 0
+        bench.normal[STILL, k] = _rested(c, before, i, j, (x, y, z), began, abs(mine - other))
         bench.normal[LATER, k] = type_of(least, -later)
         most, fastest = max(most, abs(mine - other)), max(fastest, -now)
     for q in range(walls):
@@ -157,6 +164,15 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         if (n[LEAST, q] >= 0) & (-rate <= n[LEAST, q]):
             n[LEAST, q] = max(n[LEAST, q], rest * change[root(cluster, i)])
     return max(type_of(most, SETTLED) * most, type_of(most, CALM) * fastest)
+
+
+def _rested(c: Any, before: Any, i: Any, j: Any, n: Any, began: Any, kick: Any) -> Any:
+    """1 where two touched at the beginning of the step, and moved along their normal n by less than a part of what forces
+    give in it; else 0."""
+    u = tuple(before[3 + axis, i] - before[3 + axis, j] for axis in range(3))
+    rate, one = u[0] * n[0] + u[1] * n[1] + u[2] * n[2], type_of(began, 1)
+    touched = began >= type_of(began, -TOUCHED) * min(c.r[i], c.r[j])
+    return one if touched & (abs(rate) <= type_of(began, CALMLY) * kick) else one - one
 
 
 def note_parts(each: Any, c: Any, k: Any, arm: Any) -> None:
@@ -254,8 +270,9 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
         given = type_of(e, bench.desk.contacts[GIVEN, k])
         lacks = approach - bench.normal[ROOM, k]
         if ((lacks > 0) | (given > 0)) & (bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0):
-            # what is elastic has no rest: its hops do not end
-            lively = (approach > bench.normal[LEAST, k]) | ((e >= 1) & (approach > 0))
+            # what is elastic comes to no rest, as its hops do not end; but it may be at rest
+            lively = approach > bench.normal[LEAST, k]
+            lively |= (e >= 1) & (approach > 0) & (bench.normal[STILL, k] == 0)
             later = bench.normal[LATER, k] if lively else e - e
             bounces = bounces_at(each.law, approach - later)
             change, push = given_at(bench, k, bench.normal, k, lacks, later, bounces, lively)

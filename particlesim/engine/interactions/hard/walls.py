@@ -15,6 +15,7 @@ from particlesim.engine.interactions.hard.at_once import ALONG, FOUND, GIVEN, LE
 from particlesim.engine.interactions.hard.bench import (
     ABOVE,
     BOUNCY,
+    CARRIED,
     COUNT,
     FASTER,
     FREE,
@@ -23,16 +24,17 @@ from particlesim.engine.interactions.hard.bench import (
     PAIRED,
     REST,
     RUBS,
+    STILL,
     THROWN,
     WALLS_WANTED,
     WORK,
 )
 from particlesim.engine.interactions.hard.friction import held_by, spin_up
-from particlesim.engine.interactions.hard.turns import give, given_at
+from particlesim.engine.interactions.hard.turns import CALMLY, NOISE, give, given_at
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.state.columns import fetch, held, type_of
 from particlesim.engine.step.contacts import Simple
-from particlesim.laws.registry import PASS, gap_and_normal, moved_to
+from particlesim.laws.registry import PASS, force, gap_and_normal, moved_to
 
 ON_WALL = 1e-4
 """Gap to a collider, as a part of the radius, below which a particle lies on it."""
@@ -67,7 +69,9 @@ def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> A
     end, k = each.report[COUNT] - each.report[COUNT], 0
     for part in parts:
         for collider in colliders_of(part):
+            begin = end
             end = watch_wall(each, part.rolling, collider, k, c, before, t, h, part.first, part.last, end)
+            note_carried(each, part.forces, c, before, begin, end, t, h)
             each.bench.ends[k] = end
             k += 1
     return end
@@ -104,6 +108,30 @@ def watch_wall(
                 elif thrown_back(collider, before, h, i, p, g, whole(n, g)):
                     bench.mark[i] = PAIRED | THROWN
     return end
+
+
+@outlined
+def note_carried(each: Any, forces: Any, c: Any, before: Any, begin: Any, end: Any, t: Any, h: Any) -> None:
+    """Note which of particles [begin, end) of the list rest on their colliders, and what these have taken up of the kick of
+    forces on them: moved off, they have it against them, which their velocities do not tell."""
+    w, s = each.bench.wall_normal, each.bench.start
+    for q in range(begin, end):
+        i = each.bench.wall[q]
+        n = (w[0, q], w[1, q], w[2, q])
+        rate = float(c.vx[i] * n[0] + c.vy[i] * n[1] + c.vz[i] * n[2] - w[ALONG, q])
+        came = float(before[3, i] * n[0] + before[4, i] * n[1] + before[5, i] * n[2] - w[ALONG, q])
+        w[STILL, q] = 0
+        if (w[LEAST, q] >= 0) & (w[ABOVE, q] <= 0):
+            x, y, z = force(forces, fetch(c, i, t)) if len(forces) > 0 else (0.0, 0.0, 0.0)
+            by = float(h) * float(each.a[i])
+            kick = by * (float(x) * n[0] + float(y) * n[1] + float(z) * n[2])
+            w[STILL, q] = 1 if abs(came) <= -CALMLY * kick else 0
+            given = -kick if abs(rate) <= -NOISE * kick else -np.inf
+            for axis, now in enumerate((c.vx, c.vy, c.vz)):
+                given += n[axis] * (float(now[i]) - float(before[3 + axis, i]) - s[CARRIED + axis, i])
+            given = min(max(given, 0.0), max(-kick, 0.0))
+            for axis in range(3):
+                s[CARRIED + axis, i] += given * n[axis]
 
 
 def thrown_back(collider: Any, before: Any, h: Any, i: Any, p: Any, g: Any, n: Any) -> Any:
@@ -244,7 +272,7 @@ def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any
         n = (w[0, q], w[1, q], w[2, q])
         rate = c.vx[i] * n[0] + c.vy[i] * n[1] + c.vz[i] * n[2] - w[ALONG, q]
         given = type_of(rate, bench.desk.contacts[GIVEN, k])
-        lively = (-rate > least) | ((response.bounce >= 2) & (rate < 0))
+        lively = (-rate > least) | ((response.bounce >= 2) & (rate < 0) & (w[STILL, q] == 0))
         # what is above it will hit it in the next step
         if (least >= 0) & ((rate < 0) | (given > 0)) & ((w[ABOVE, q] <= 0) | (not lively)):
             e = bounce_at(response, rate) - type_of(rate, 1)
