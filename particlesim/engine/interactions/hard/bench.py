@@ -30,11 +30,11 @@ FREE, BOUNCY = -1, -2
 """Values of LEAST of what does not lie on its wall, where that is elastic, too."""
 LIMIT = 3
 """Row of `held` after the friction: how much of it there is at most, over what pushes, as it slides or not."""
-TURN, WORK, GAIN, SQUARE, WAY, CARRIED = 3, 6, 7, 8, 9, 10
+TURN, WORK, GAIN, SQUARE, WAY, CARRIED, SWERVED = 3, 6, 7, 8, 9, 10, 13
 """Rows of `start`, after velocities before impulses: angular velocities; of the particle that stands for a cluster, the work
 of what nothing moves, what impulses have added, and the sum of m |Δv|² + I |Δω|² [J]; how far forces have moved a particle
 in the step, over what they have changed its velocity by times the step; what colliders that it rests on have taken up of
-their kick [3] [m/s]."""
+their kick [3] [m/s]; by how much those along which it slides have turned its velocity [3] [m/s]."""
 REST, CLOSES = 2.0, 4
 """Steps in which forces bring about an approach that counts as rest, and in which what rests over a gap may close it."""
 NEAR, WIDE = 3.0, 1 + AT_REST
@@ -55,7 +55,7 @@ class Bench(NamedTuple):
     have been given at rest, as a change of velocity [m/s], and its LIMIT [4, room + walls].
 
     Of particles: `mark` [n]; by how much forces have changed velocities in the step, at most in a cluster [n] [m/s];
-    velocities before impulses, sums over clusters, and more [13, n]; by how much faster those are that nothing moves than in
+    velocities before impulses, sums over clusters, and more [16, n]; by how much faster those are that nothing moves than in
     the middle of the step [3, n] [m/s]. A desk for impulses that are found at once.
 
     With rolling friction, None without: what contacts have been given of it at rest (`friction`), and its LIMIT, as for
@@ -92,7 +92,7 @@ def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any, roll
         np.zeros((4, room + walls), dtype),
         np.zeros(particles, np.int8),
         np.zeros(particles, dtype),
-        np.zeros((13, particles)),
+        np.zeros((16, particles)),
         np.zeros((3, particles)),
         new_desk(room + walls, particles),
         np.zeros((4, room + walls), dtype) if rolls else None,

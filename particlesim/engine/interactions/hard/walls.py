@@ -25,6 +25,7 @@ from particlesim.engine.interactions.hard.bench import (
     REST,
     RUBS,
     STILL,
+    SWERVED,
     THROWN,
     WALLS_WANTED,
     WORK,
@@ -38,6 +39,8 @@ from particlesim.laws.registry import PASS, force, gap_and_normal, moved_to
 
 ON_WALL = 1e-4
 """Gap to a collider, as a part of the radius, below which a particle lies on it."""
+BENT = 0.5
+"""How far the velocity of what slides may turn otherwise than its surface does, as a part of that."""
 SAME_SIDE = 0.99
 """The cosine of the angle between two normals from which on they are of one side."""
 OUT, NEARER, MOST_TURNS_OUT = 1e-9, 0.9, 64
@@ -100,8 +103,11 @@ def watch_wall(
                 p = fetch(c, i, t)
                 g, n = gap_and_normal(collider.shape, p)
                 if g < type_of(g, NEAR_WALL) * p.r:
+                    mark, q = bench.mark[i], end
                     end = list_side(each, rolling, collider, number, c, before, h, i, p, g, whole(n, g), end)
                     if not isinstance(collider.shape, FLAT):
+                        if q < end and slides_around(each, collider, c, before, h, i, p, q):
+                            bench.mark[i] = mark
                         end = list_corner(
                             each, rolling, collider, number, c, before, h, i, p, whole(n, g), end
                         )
@@ -132,6 +138,36 @@ def note_carried(each: Any, forces: Any, c: Any, before: Any, begin: Any, end: A
             given = min(max(given, 0.0), max(-kick, 0.0))
             for axis in range(3):
                 s[CARRIED + axis, i] += given * n[axis]
+
+
+@outlined
+def slides_around(each: Any, collider: Any, c: Any, before: Any, h: Any, i: Any, p: Any, q: Any) -> bool:
+    """Whether a particle at side q of a collider has done nothing but slide along it, and that has turned its velocity. Then
+    the side gets its normal in the middle of that way: impulses along that at its end would take energy, or give it."""
+    w, s = each.bench.wall_normal, each.bench.start
+    x, y, z, u, v, o = (before[row, i] for row in range(6))
+    was, axes = gap_and_normal(collider.shape, moved_to(p, x, y, z, u, v, o, p.t - h))
+    one, other = (w[0, q], w[1, q], w[2, q]), whole(axes, was)
+    mean = (0.5 * float(u + p.vx), 0.5 * float(v + p.vy), 0.5 * float(o + p.vz))
+    turned, change, rate, square = 0.0, 0.0, 0.0, 0.0
+    for axis, (a, b) in enumerate(((p.vx, u), (p.vy, v), (p.vz, o))):
+        turned -= float(one[axis] - other[axis]) * mean[axis]
+        change += float(one[axis]) * float(a - b)
+        rate += float(one[axis]) * float(a)
+        square += float(a - b) * float(a - b)
+    slides = (w[LEAST, q] >= 0) & (w[ABOVE, q] <= 0) & (w[ALONG, q] == 0) & (each.ways.late[0] == 0)
+    slides &= (abs(rate) <= NOISE * np.sqrt(square)) & (abs(change - turned) < BENT * abs(turned))
+    if slides:
+        size, rate = 0.0, 0.0
+        for axis in range(3):
+            half = float(one[axis] + other[axis])
+            w[axis, q], size = half, size + half * half
+            s[SWERVED + axis, i] += turned * float(one[axis])
+        for axis, a in enumerate((p.vx, p.vy, p.vz)):
+            w[axis, q] /= np.sqrt(size)
+            rate += float(w[axis, q]) * float(a)
+        w[ALONG, q] = rate
+    return slides
 
 
 def thrown_back(collider: Any, before: Any, h: Any, i: Any, p: Any, g: Any, n: Any) -> Any:
