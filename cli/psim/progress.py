@@ -249,7 +249,7 @@ class _Speed:
         self._first: Progress | None = None
 
     def of(self, p: Progress) -> str:
-        if self._first is None:
+        if self._first is None or p.step < self._first.step:  # an interval is done again
             self._first = p if p.step else None
             return ""
         seconds = self._stepping(p)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -118,7 +119,22 @@ class Guard:
                 raise ran_away(world, number, "speed", fastest, MUCH_FASTER)
             self._fastest[number] = fastest
 
-    def _judge(self, world: World, number: int, energies: dict[str, float]) -> None:
+    def glance(self, world: World, number: int, energies: Mapping[str, float]) -> None:
+        """Judge an island between two frames, as at one; frames judge as if it had not been. Raises DivergenceError."""
+        kept = (
+            copy.deepcopy(self._accounts[number]),
+            self._count[number],
+            self._stable[number],
+            self._swung[number],
+        )
+        self._judge(world, number, energies)
+        self._accounts[number], self._count[number], self._stable[number], self._swung[number] = kept
+
+    def judges(self, number: int) -> bool:
+        """Whether the energies of an island are checked."""
+        return self._judged[number]
+
+    def _judge(self, world: World, number: int, energies: Mapping[str, float]) -> None:
         """Hold the gain of an island against its energy. Raises DivergenceError."""
         island, account, step = world.islands[number], self._accounts[number], world.step
         count = sum(state.count for state in island.states)

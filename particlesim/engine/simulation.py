@@ -117,10 +117,10 @@ class Simulation(World):
             for number in self._order:
                 if self._meetings.concern(self.islands[number]):
                     self._meetings.invite()
-                    self._advance(number, self.step, last, fresh)
+                    self._advance(number, self.step, last, fresh, asked)
                     self._meetings.dismiss()
                 else:
-                    self._advance(number, self.step, last, fresh, laps)
+                    self._advance(number, self.step, last, fresh, asked, laps)
             if laps is not None and laps.stopped is not None:
                 last = laps.stopped
             if (fault := self._meetings.hold_ends(self.step)) is not None:
@@ -130,8 +130,21 @@ class Simulation(World):
             if between is not None and last < step and fresh:
                 between()
 
-    def _advance(self, number: int, first: int, last: int, fresh: bool, laps: Laps | None = None) -> None:
+    def _advance(
+        self,
+        number: int,
+        first: int,
+        last: int,
+        fresh: bool,
+        asked: Callable[[int], bool],
+        laps: Laps | None = None,
+    ) -> None:
         island = self.islands[number]
+
+        def look(step: int) -> None:
+            asked(step)  # which shows how far the run is
+            self._glance(number, step)
+
         island.begin(self.team)
         island.keep(first, fresh=fresh)
         if island.listens_to:
@@ -139,7 +152,7 @@ class Simulation(World):
             island.hear(found, self._numbers, self._codes)
         while first < last:
             until = island.phase(first, last)
-            born, deaths, fault = island.advance(first, until, self.team, laps)
+            born, deaths, fault = island.advance(first, until, self.team, laps, look)
             if laps is not None and laps.stopped is not None:
                 last = until = laps.stopped
             if fault is not None:
@@ -150,6 +163,19 @@ class Simulation(World):
             if deaths is not None and deaths.ids.size:
                 self.events.deaths.append(deaths)
             first = until
+
+    def _glance(self, number: int, step: int) -> None:
+        """Look at the energies of an island in the middle of an interval, where its steps take long: they do so where it
+        flies apart. Raises DivergenceError."""
+        island, begun = self.islands[number], self.step
+        # an energy must not change what interactions have found out, nor count the dead
+        if self._guard.judges(number) and not (
+            self.graph.islands[number].changes or any(each.prepares for each in island.interactions)
+        ):
+            self.step = step
+            rest = dict.fromkeys(self._ledger_columns, 0.0)
+            self._guard.glance(self, number, self._island_energies(number, rest))
+            self.step = begun
 
     def _kick(self) -> None:
         """Impulses that are due at the present step."""

@@ -130,12 +130,10 @@ class Course:
 
     def _asked(self, step: int) -> bool:
         """Whether there is something to do at a step, for which the state is wanted; shows how far the run is."""
+        self._show(step)
         if self._signals.waiting or self._late:
             return True
-        if self.keeper is not None and self.keeper.wants(self.simulation, step * self.simulation.grid.dt):
-            return True
-        self._show(step)
-        return False
+        return self.keeper is not None and self.keeper.wants(self.simulation, step * self.simulation.grid.dt)
 
     @property
     def _late(self) -> bool:

@@ -12,6 +12,7 @@ from simulate import EPS, points, table
 import particlesim as ps
 from particlesim.compiler import kernel
 from particlesim.engine.interactions.interaction import lone
+from particlesim.engine.interactions.surfaces import surface_contacts
 from particlesim.engine.interactions.surfaces.candidates import find
 from particlesim.engine.interactions.surfaces.record import BUILDS, CONTACTS, STALE
 from particlesim.engine.interactions.surfaces.response import list_contacts, weigh
@@ -406,3 +407,39 @@ def test_crumpling_cloth_loses_its_energy_near_the_largest_stable_step() -> None
     simulation.close()
     assert max(found) < 1.001 * found[0]
     assert found[-1] < 0.25 * found[0]
+
+
+def test_hair_that_flies_apart_is_told_long_before_the_next_frame() -> None:
+    # speeds grow six times in a step of 2.1 times the largest stable one, and then each step costs a second: all strands are
+    # in each other's way; 25 of them, to the only frame, had taken a minute
+    roots = {"type": "sphere", "center": [0, 0.8, 0], "radius": 0.2}
+    layout = {"type": "hair", "strands": 60, "count": 14, "length": 0.5, "roots": roots}
+    springs = {"structural": 200.0, "bend": 1.0, "damping_ratio": 0.3}
+    hair = {"name": "hair", "mass": 0.02, "radius": 0.004, "layout": layout, "springs": springs}
+    parts = {"particles": [hair], "interactions": [{"type": "contact", "restitution": 0}]}
+    parts["forces"] = [{"type": "gravity"}]
+    scenario = ps.from_table(
+        table(0.0125, 5e-4, "symplectic_euler", **parts, output={"ledger": True, "every": 25})
+    )
+    told = []
+    for threads in (1, 2):
+        with pytest.raises(ps.DivergenceError, match="gained") as caught:
+            ps.run(scenario, threads=threads)
+        assert caught.value.post_mortem is not None
+        assert caught.value.post_mortem.cause == "energy"
+        assert caught.value.post_mortem.noticed < 0.0075
+        assert caught.value.post_mortem.frame == 0
+        told.append(str(caught.value))
+    assert told[0] == told[1]
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "backward_euler"])
+def test_pauses_change_no_bit(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    ropes = [rope("a", [-0.5, 0.1, 0], [0.5, 0.1, 0]), rope("b", [0, 0, -0.5], [0, 0, 0.5])]
+    ropes[1]["layout"]["velocity"] = [0, 1.0, 0]
+    scenario = ps.from_table(table(0.2, 1e-3, method, particles=ropes, interactions=[TOUCH]))
+    whole, steps = ps.run(scenario), set[int]()
+    monkeypatch.setattr(surface_contacts, "MANY", 1)
+    paused = ps.run(scenario, progress=lambda now: steps.add(now.step))
+    assert len(steps) == 201  # so progress shows, and Ctrl-C is heard, between frames
+    assert paused.state == whole.state

@@ -26,7 +26,7 @@ from particlesim.engine.coupled.forces import (
 from particlesim.engine.coupled.rebounds import settle_rebounds
 from particlesim.engine.coupled.workspace import StagedComposition, StagedRungeKutta, StagedVerlet
 from particlesim.engine.interactions.bonds import break_bonds
-from particlesim.engine.interactions.interaction import conclude_elements, leave_elements
+from particlesim.engine.interactions.interaction import conclude_elements, leave_elements, tired_elements
 from particlesim.engine.state.columns import block_of, fetch, held, in_step, motion, span, still, type_of
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.particle_step import Newtonian
@@ -279,6 +279,14 @@ def end_step(
     return good
 
 
+def pauses(share: Any, step: Any, steps: Any) -> Any:
+    """Whether to return after a step, with more to come: the caller may look at the state, and calls again for the rest,
+    which then has the same bits."""
+    if not any(type(each).tires for each in share.elements):
+        return False
+    return (step + 1 < steps) & tired_elements(share.elements)
+
+
 def end_interval(parts: Any, bonds: Any, c: Any, work: Any, share: Any, end: Any) -> None:
     """Velocities at the end of an interval of those that are led or have no inertia."""
     leave_elements(share.elements)
@@ -293,7 +301,7 @@ def step_island(
     """Advance a share of an island by `steps` steps of dt, the first of which begins at first_step · dt.
 
     As many threads as there are shares must call this at the same time. Returns the number of steps done: fewer when in the
-    next one a number stopped being finite; its beginning is then restored if it has been kept.
+    next one a number stopped being finite; its beginning is then restored if it has been kept. Also fewer where it `pauses`.
     """
     h, anew = type_of(c.x[0], dt), rolls_anew(method, share)
     for step in range(steps):
@@ -302,6 +310,8 @@ def step_island(
         evolve(method, parts, bonds, in_step(c, t, end), work, share, t, end, h)
         if not end_step(parts, bonds, c, work, share, t, end, h, anew):
             return step
+        if pauses(share, step, steps):
+            return step + 1
     begin_turns(c, share)
     end_interval(parts, bonds, c, work, share, (first_step + steps) * dt)
     return steps

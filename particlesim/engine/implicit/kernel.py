@@ -15,7 +15,7 @@ import numpy as np
 from particlesim.compiler import kernel, outlined, shared
 from particlesim.engine.barrier import meet, team_of
 from particlesim.engine.coupled.forces import evaluate, roll, twist
-from particlesim.engine.coupled.kernel import begin_step, end_interval, end_step, inertialess
+from particlesim.engine.coupled.kernel import begin_step, end_interval, end_step, inertialess, pauses
 from particlesim.engine.implicit.krylov import (
     INDEFINITE,
     SOLVED,
@@ -388,5 +388,7 @@ def step_island_implicit(
         evolve_implicit(method, parts, bonds, in_step(c, t, end), work, share, t, end, h)
         if not end_step(parts, bonds, c, work, share, t, end, h):
             return step
+        if pauses(share, step, steps):
+            return step + 1
     end_interval(parts, bonds, c, work, share, (first_step + steps) * dt)
     return steps

@@ -74,6 +74,8 @@ class Interaction:
     """Whether it then needs the state at the beginning of the step."""
     hastens: ClassVar[bool] = False
     """Whether it looks at what happens within a step, before it concludes it (`hasten`)."""
+    tires: ClassVar[bool] = False
+    """Whether its steps may take so long that some of them are worth a pause (`tired`)."""
 
     # ---- kernels: forces, and the matrix of implicit methods
 
@@ -98,6 +100,11 @@ class Interaction:
         are the groups with their colliders, and `before` [6, n] is the
         state at the beginning of the step, where it `looks_back`. It ends with a `meet`.
         """
+
+    def tired(self) -> Any:
+        """Whether steps should pause after the one that has been concluded: they have taken long since the last pause, or
+        are to be done again."""
+        return False
 
     def leave(self) -> None:
         """Forget results that are valid only right after `conclude`: others may change the state before the next step."""
@@ -384,6 +391,15 @@ def conclude_elements(
             conclude_set(each, parts, c, before, share, t, h)
     if sum([type(each).concludes for each in sets]) > 1:  # one may have changed what another has seen
         leave_elements(sets)
+
+
+def tired_elements(sets: Any) -> Any:
+    """Whether steps should pause, for one of the sets that tire."""
+    found = False
+    for each in sets:
+        if type(each).tires:
+            found = found | type(each).tired(each)
+    return found
 
 
 def leave_elements(sets: Any) -> None:

@@ -9,7 +9,7 @@ ledger.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,6 +42,9 @@ WORTH_THREADS = 500_000
 
 OWN_STEPS = 20
 """Steps that an adaptive method is taken to need for one of the grid, when work is shared out."""
+
+Look = Callable[[int], None]
+"""What looks at an island between two steps; it is told how many have been made since the start of the run."""
 
 
 class Intrusion(NamedTuple):
@@ -111,9 +114,10 @@ class BaseIsland:
         return False
 
     def advance(
-        self, first: int, last: int, team: Team, laps: Laps | None = None
+        self, first: int, last: int, team: Team, laps: Laps | None = None, look: Look | None = None
     ) -> tuple[Births | None, Deaths | None, Fault | None]:
-        """Steps first … last − 1: births, motion, deaths. `laps` are for those that make them."""
+        """Steps first … last − 1: births, motion, deaths. `laps` are for those that make them; `look` is told the step where
+        steps pause, as they take long: it may look at what there is, and raise what ends the run."""
         raise NotImplementedError
 
     def _emit(self, first: int, last: int) -> Births | None:

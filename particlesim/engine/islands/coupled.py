@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +19,9 @@ from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.implicit.krylov import UNSOLVED
 from particlesim.engine.interactions.beginnings import refuse_wild
 from particlesim.engine.interactions.coincident import refuse_coincident_births
-from particlesim.engine.interactions.interaction import Site
+from particlesim.engine.interactions.interaction import Site, tired_elements
 from particlesim.engine.interactions.registry import laid_again, laid_out
-from particlesim.engine.islands.base import BaseIsland, shortest_step
+from particlesim.engine.islands.base import BaseIsland, Look, shortest_step
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.booking import Bookkeeper
 from particlesim.engine.islands.in_space import InSpace, in_order
@@ -171,12 +171,12 @@ class CoupledIsland(BaseIsland):
                 refuse_wild(each, name, self.states, self.island_columns(), time)
 
     def advance(
-        self, first: int, last: int, team: Team, laps: Laps | None = None
+        self, first: int, last: int, team: Team, laps: Laps | None = None, look: Look | None = None
     ) -> tuple[Births | None, Deaths | None, Fault | None]:
         born = self._births(first, last) if self._changes else None
         if self._site.obstacles is not None:
             self._note_left()
-        fault = self._move(first, last, team, laps) if self.layout.count else None
+        fault = self._move(first, last, team, laps, look) if self.layout.count else None
         self._gather()
         deaths = self._deaths(last) if fault is None and self._changes else None
         if born is not None and born.ids.size and fault is None:
@@ -257,7 +257,9 @@ class CoupledIsland(BaseIsland):
         goes_on = not self._changes and all(each.resumes for each in self.interactions)
         return goes_on and self.books is None and not self._method.adaptive and in_order(self.layout)
 
-    def _move(self, first: int, last: int, team: Team, laps: Laps | None = None) -> Fault | None:
+    def _move(
+        self, first: int, last: int, team: Team, laps: Laps | None = None, look: Look | None = None
+    ) -> Fault | None:
         """Steps first … last − 1 of the particles that there are."""
         steps, layout, stepper, books = last - first, self.layout, self._stepper, self._books
         done = [0] * len(layout.shares(stepper.threads(layout, steps, team)))
@@ -273,7 +275,7 @@ class CoupledIsland(BaseIsland):
             columns = self.island_columns()
             there = InSpace.of(layout, columns, steps) if pace is None else None
             work = stepper.work(layout, columns, first, steps, done, pace, there)
-            team.each(work, len(done))
+            self._go_on(work, first, steps, done, team, look)
             if there is not None:
                 there.bring_back(layout, columns)
         while books is not None and pace is not None and done[0] < steps and not pace.stuck:
@@ -281,20 +283,40 @@ class CoupledIsland(BaseIsland):
             team.each(work, len(done))
             if not pace.stuck:
                 books.close_leg(leg, self._now(), arrived=done[0] == steps)
+        if pace is None and done[0] < steps and stepper.solves_more(layout):
+            work = stepper.work(layout, self.island_columns(), first, steps, done, pace)
+            self._go_on(work, first, steps, done, team, look)
         if any(each.cramped for each in self.interactions):
             layout.take(tuple(each.roomier() if each.cramped else each for each in self.interactions))
             self.go_back()
             if books is not None and kept is not None:
                 books.go_back(kept)
-            return self._move(first, last, team, laps)
-        if pace is None and done[0] < steps and stepper.solves_more(layout):
-            work = stepper.work(layout, self.island_columns(), first, steps, done, pace)
-            team.each(work, len(done))
+            return self._move(first, last, team, laps, look)
         if done[0] < steps:
             return self._fault(first + done[0], pace)
         if books is not None and opened is not None:
             books.close(opened, self._now(), last)
         return None
+
+    def _go_on(
+        self,
+        work: Callable[[int], None],
+        first: int,
+        steps: int,
+        done: list[int],
+        team: Team,
+        look: Look | None,
+    ) -> None:
+        """Have threads work until all steps are done, or one cannot be, or room is short; in pauses others `look`."""
+        made = done[0]
+        team.each(work, len(done))
+        while made < done[0] < steps and tired_elements(self.interactions):
+            if any(each.cramped for each in self.interactions):
+                return
+            made = done[0]
+            if look is not None:
+                look(first + made)
+            team.each(work, len(done))
 
     def _make_laps(self, first: int, steps: int, done: list[int], team: Team, laps: Laps) -> int:
         """The same lap by lap, until one is not good or somebody wants the state; returns how many steps were to be made."""

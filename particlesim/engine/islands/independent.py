@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from particlesim.engine.faults import Fault, Stop, Unsolved
 from particlesim.engine.independent.adaptive import new_log, step_range_adaptive
 from particlesim.engine.independent.kernel import Room, new_room, step_range
-from particlesim.engine.islands.base import OWN_STEPS, WORTH_THREADS, BaseIsland, shortest_step
+from particlesim.engine.islands.base import OWN_STEPS, WORTH_THREADS, BaseIsland, Look, shortest_step
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.laps import Laps
 from particlesim.engine.ledger.particle_work import Legs, Opened, ParticleBooks, spans
@@ -98,7 +98,7 @@ class IndependentIsland(BaseIsland):
         return []
 
     def advance(
-        self, first: int, last: int, team: Team, laps: Laps | None = None
+        self, first: int, last: int, team: Team, laps: Laps | None = None, look: Look | None = None
     ) -> tuple[Births | None, Deaths | None, Fault | None]:
         self.state.reserve(self.state.count + sum(self._due(last)))
         born = self._emit(first, last)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from particlesim.bodies import Bodies as BodyGroup
 from particlesim.engine.faults import Fault, Unclosed
-from particlesim.engine.islands.base import BaseIsland, Intrusion
+from particlesim.engine.islands.base import BaseIsland, Intrusion, Look
 from particlesim.engine.islands.births import Births
 from particlesim.engine.islands.joined import Joined
 from particlesim.engine.islands.laps import Laps
@@ -250,7 +250,7 @@ class RigidIsland(BaseIsland):
         return None if held else self._fault(step, opened=True)
 
     def advance(
-        self, first: int, last: int, team: Team, laps: Laps | None = None
+        self, first: int, last: int, team: Team, laps: Laps | None = None, look: Look | None = None
     ) -> tuple[Births | None, Deaths | None, Fault | None]:
         if self.visitors is not None:
             fault = self._receive(first, self.visitors)

@@ -15,6 +15,7 @@ from particlesim.engine.coupled.wisdom_holman import staged_wisdom_holman, step_
 from particlesim.engine.coupled.workspace import Part, staged
 from particlesim.engine.implicit.kernel import StagedImplicit, staged_implicit, step_island_implicit
 from particlesim.engine.implicit.krylov import INDEFINITE, General, Symmetric
+from particlesim.engine.interactions.interaction import tired_elements
 from particlesim.engine.islands.base import OWN_STEPS, WORTH_THREADS
 from particlesim.engine.islands.in_space import InSpace
 from particlesim.engine.islands.layout import Interactions, Layout
@@ -91,9 +92,12 @@ class Stepper:
         if layout.constraint is not None:
             layout.constraint.begin()
         given = (parts, bonds, columns, work, share)
-        done = self._kernel(self._staged, *given, first, steps, self.dt)
-        if done < steps and self.solves_more(layout):
-            self._kernel(self._staged, *given, first + done, steps - done, self.dt)
+        done, going = 0, True
+        while going:
+            made = self._kernel(self._staged, *given, first + done, steps - done, self.dt)
+            done += made
+            paused = made > 0 and tired_elements(share.elements)
+            going = done < steps and (paused or self.solves_more(layout))
 
     def solves_more(self, layout: Layout) -> bool:
         """Whether the last step met equations that are not symmetric and positive definite: from now on the kernel solves

@@ -26,6 +26,7 @@ from particlesim.engine.interactions.surfaces.record import (
     CROWDED,
     DRIFT,
     EDGES,
+    EFFORT,
     FACES,
     FASTEST,
     HORIZON,
@@ -218,6 +219,7 @@ def pair_up(s: Any, found: Any, x: Any, r: Any, before: Any, report: Any, tune: 
             report[LOST] = CROWDED
         else:
             first, last = near.begin[g], near.begin[g] + near.count[g]
+            report[EFFORT] += GROUP * near.count[g]
             for place in range(GROUP * g, GROUP * g + GROUP):
                 p = near.order[place]
                 if p >= 0:

@@ -20,11 +20,11 @@ PER_SIMPLEX, AT_LEAST = 24, 4096
 ROOMIER = 2
 """By how much room grows."""
 
-STALE, FACES, EDGES, CONTACTS, LOST, BUILDS, ZONED, AGE, ANEW = range(9)
+STALE, FACES, EDGES, CONTACTS, LOST, BUILDS, ZONED, AGE, ANEW, EFFORT, PAUSE = range(11)
 """In `report`: whether candidates have to be found anew; how many of a vertex and a triangle, and of two edges; contacts of
 the step; whether there was no room; how often candidates were found; how many particles had to move as one, and in which
 step candidates are, the one in which they were found being 0; whether all threads find them anew in this step, which stays
-until the next one."""
+until the next one; about how many pairs have been looked at since the last pause, and after how many there is one."""
 CROWDED = 2
 """In `report[LOST]`, where lists of simplices had no room."""
 SKIN, HORIZON, REACH, THIN, FASTEST, TURNED, COURSE, WAY, DRIFT = range(9)

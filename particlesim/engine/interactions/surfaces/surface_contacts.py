@@ -24,13 +24,14 @@ from particlesim.engine.interactions.neighbours.record import OVERFLOW, enlarged
 from particlesim.engine.interactions.surfaces.candidates import find, find_again, measure
 from particlesim.engine.interactions.surfaces.patches import add_patches, has_bulges
 from particlesim.engine.interactions.surfaces.record import (
-    ANEW,
     CONTACTS,
     CROWDED,
     DRIFT,
     EDGES,
+    EFFORT,
     FACES,
     LOST,
+    PAUSE,
     REACH,
     ROOMIER,
     STALE,
@@ -88,8 +89,10 @@ MOST_ZONES = 200
 """Bound on the turns in which zones are joined."""
 TAKEN = 16
 """Bit of a mark: that what a method remembers is without the velocity."""
-EFFORT = 4
+SPRINGS = 4
 """About how many springs take as long as a simplex."""
+MANY = 5_000_000
+"""Pairs to look at between two pauses: a fraction of a second."""
 
 
 class SurfaceColumns(NamedTuple):
@@ -114,6 +117,7 @@ class SurfaceContacts(Interaction, SurfaceColumns):
     __slots__ = ()
     concludes: ClassVar[bool] = True
     looks_back: ClassVar[bool] = True
+    tires: ClassVar[bool] = True
     follows: ClassVar[frozenset[str]] = frozenset(SurfaceColumns._fields) - {"fed"}
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
@@ -124,10 +128,15 @@ class SurfaceContacts(Interaction, SurfaceColumns):
             if share.number == 0:
                 put_out_of_bodies(self.obstacles, parts, c, t)
             meet(share.gate, share.threads)
+        if share.number == 0 and self.report[EFFORT] >= self.report[PAUSE]:
+            self.report[EFFORT] = 0
         find(self, c, before, share, t, h)
         if share.number == 0:
             resolve(self, parts, c, before, share.gate, t, h)
         meet(share.gate, share.threads)
+
+    def tired(self) -> Any:
+        return (self.report[EFFORT] >= self.report[PAUSE]) | (self.report[LOST] != 0)
 
     @property
     def number(self) -> int:
@@ -135,14 +144,14 @@ class SurfaceContacts(Interaction, SurfaceColumns):
 
     @property
     def effort(self) -> int:
-        return EFFORT * int(self.simplices.corners.shape[1])
+        return SPRINGS * int(self.simplices.corners.shape[1])
 
     @property
     def cramped(self) -> bool:
         return bool(self.report[LOST])
 
     def renewed(self) -> Self:
-        self.report[STALE] = 1
+        self.report[STALE], self.report[EFFORT] = 1, 0
         self.beside.clear[:] = -np.inf
         if not self.cramped:
             return self
@@ -212,6 +221,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
     )
     x, v = (c.x, c.y, c.z), (c.vx, c.vy, c.vz)
     paired = report[FACES] + report[EDGES] > 0
+    report[EFFORT] += s.rows.size + report[FACES] + report[EDGES]
     if paired | has_bulges(parts):
         weigh(s, c.m, c.clock, desk)
         list_contacts(s, found, touches, desk, report, tune, c.r, x, before)
@@ -237,6 +247,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, gate: Any, t: Any, h: An
                 most, missed = max(most, fast), missed + more
                 look += 1
             report[CONTACTS] = first
+            report[EFFORT] += look * TURNS * first
             before_impulses(s, desk, c)
             begin_impulses(touches, report)
             turn, going = 0, True
@@ -351,8 +362,8 @@ def surfaces_of(site: Site, pairs: PairSet) -> SurfaceContacts:
     count = site.whole.count
     radius = site.whole.radius[:count].astype(float)
     used = np.unique(np.concatenate([triangles.ravel(), edges.ravel()]))
-    report, tune = np.zeros(ANEW + 1, np.int64), np.zeros(DRIFT + 3)
-    report[STALE] = 1
+    report, tune = np.zeros(PAUSE + 1, np.int64), np.zeros(DRIFT + 3)
+    report[STALE], report[PAUSE] = 1, MANY
     thin = 2 * radius[used].min() if used.size else 1.0
     tune[THIN], tune[REACH] = thin, reach_of(site.place, triangles, edges, thin)
     law = pairs.law.record()
