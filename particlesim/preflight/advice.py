@@ -47,8 +47,31 @@ def advice(scenario: Scenario) -> tuple[str, ...]:
         *_explicit(scenario),
         *_unrepeated(scenario),
         *_through_bodies(scenario),
+        *_born_later(scenario),
         *too_heavy(scenario),
     )
+
+
+def _born_later(scenario: Scenario) -> list[str]:
+    """Emitters whose births are drift to a check, which begins at the first frame with particles."""
+    if not any(check.quantity == "energy.drift" for check in scenario.checks):
+        return []
+    grid = scenario.grid
+    period = grid.every * grid.dt
+    born = {  # in which intervals between frames
+        each.name: {int(burst.at / period) for burst in each.bursts()}
+        | ({int(each.start / period), grid.steps} if each.rate or each.on_impact else set())
+        for each in scenario.emitters
+    }
+    there = len(scenario.groups) > len(born)  # at frame 0
+    first = -1 if there else min((min(each) for each in born.values()), default=-1)
+    later = [repr(name) for name, when in born.items() if max(when) > first]
+    if not later:
+        return []
+    return [
+        f"energy.drift counts what births of {' and '.join(later)} bring after the first frame with particles; "
+        "balance, with work = true under [output], leaves it out"
+    ]
 
 
 def _through_bodies(scenario: Scenario) -> list[str]:

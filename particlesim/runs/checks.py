@@ -85,6 +85,7 @@ class Checks:
             self.close()
             raise
         self._energy: float | None = None
+        """Of the first frame with particles [J]: what a burst brings later than that counts as drift."""
         self._drifts = any(check.quantity == "energy.drift" for check in scenario.checks)
 
     def look(
@@ -93,7 +94,7 @@ class Checks:
         """Look at the frame of the present state; `row` is the ledger's, empty when none is kept."""
         if not self._items:
             return
-        if self._energy is None and self._drifts:
+        if self._energy is None and self._drifts and simulation.count:
             row = row or simulation.ledger()
             self._energy = total_energy(row)
         for item in self._items:
@@ -186,6 +187,10 @@ class _Item:
         message += f" at t = {time:.9g} s"
         if seen.value != seen.value and self.observer is not None and not seen.note:
             message += " (no particle, or not a number)"
+        if check.quantity == "energy.drift" and math.isinf(seen.value):
+            message += (
+                " (there was no energy at the start, of which a drift is a part: check energy, in joules)"
+            )
         return replace(missing, passed=passed, value=seen.value, time=time, message=message)
 
 

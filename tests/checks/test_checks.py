@@ -11,6 +11,7 @@ import pytest
 from simulate import G, points, table
 
 import particlesim as ps
+from particlesim.preflight.advice import advice
 from particlesim.runs.checks import total
 from particlesim.scenario.ledger_columns import totals
 
@@ -113,6 +114,35 @@ def test_emitters_and_moments_without_particles() -> None:
     empty = result({**height, "at": 0.25}, **parts)
     assert not empty.passed
     assert math.isnan(empty.value)
+
+
+def test_drift_begins_with_the_first_particles() -> None:
+    # a burst at 0 is in the first frame after it: the ten that are born fall, and keep their energy
+    gas = {
+        "name": "gas",
+        "burst": {"at": 0, "count": 10},
+        "shape": {"type": "box", "min": [0, 1, 0], "max": [1, 2, 1]},
+        "speed": 2.0,
+    }
+    drift = {"quantity": "energy.drift", "at": "always", "max": 1e-9}
+    parts = {"emitters": [gas], "particles": []}
+    assert result(drift, **parts).passed
+    assert not any("births" in told for told in advice(scenario(drift, **parts)))
+    later = [
+        {**parts, "emitters": [gas, {**gas, "name": "more", "burst": {"at": 0.5, "count": 1}}]},
+        {**parts, "emitters": [{"rate": 10, **{key: gas[key] for key in ("name", "shape", "speed")}}]},
+        {"emitters": [gas]},  # others are there before
+    ]
+    for each in later:
+        assert not result(drift, **each).passed
+        assert any("births" in told and "balance" in told for told in advice(scenario(drift, **each)))
+
+
+def test_a_drift_from_nothing_says_so() -> None:
+    still = points((0, 0, 0), name="still")
+    drift = result({"quantity": "energy.drift", "max": 1}, particles=[still])
+    assert not drift.passed
+    assert "no energy at the start" in drift.message
 
 
 def test_nan_fails() -> None:
