@@ -44,7 +44,6 @@ class Bodies(Rubbing, Particles):
     rigid: ClassVar[bool] = True
     kind: ClassVar[str] = "bodies"
     unused: ClassVar[tuple[str, ...]] = ("radius", "springs", "integrator", "cooling", "pinned", "dynamics")
-    """Keys of particles that bodies do not have."""
 
     name: Name = "bodies"
     """Name of the group, by which forces, colliders and messages speak of it."""

@@ -105,6 +105,7 @@ class Contact(Rubbing, PairInteraction):
     poisson_ratio: Annotated[Number, Gt(-1), Le(0.5)] = 0.3
     """Poisson's ratio ν of the grains of `hertz`."""
 
+    unused: ClassVar[tuple[str, ...]] = ("cutoff", "shift")
     formula: ClassVar[str] = (
         "δ = r₁ + r₂ − |l| > 0: linear f_n = k δ − γ v_n; hertz f_n = 4/3 E √(R δ) δ − γ δ^¼ v_n; impulse v_n' = −e v_n; "
         "friction |f_t| ≤ μ f_n at surfaces that turn with ω; rolling friction |M| ≤ μ_r R f_n; cohesion 2 π w R"

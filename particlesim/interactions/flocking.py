@@ -38,6 +38,7 @@ class Flocking(PairInteraction):
     cohesion: Annotated[NewtonsPerMetre, Ge(0)] = 0.0
     """C: force towards others for their distance."""
 
+    unused: ClassVar[tuple[str, ...]] = ("shift",)
     formula: ClassVar[str] = (
         "f = (S (1 − r/d)₊/r − C w) l − A w v, w = 1 − r/R, l = x₁ − x₂, v = v₁ − v₂, r = |l|"
     )

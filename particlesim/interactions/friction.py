@@ -40,6 +40,7 @@ class PairFriction(PairInteraction):
     boltzmann: Annotated[JoulesPerKelvin, Gt(0)] = BOLTZMANN_CONSTANT
     """Boltzmann's constant k_B; 1 where temperatures are given as energies."""
 
+    unused: ClassVar[tuple[str, ...]] = ("shift",)
     formula: ClassVar[str] = (
         "f = −γ w² (e·v) e + √(2 γ k_B T/h) w ξ e, w = 1 − r/R, e = l/r, l = x₁ − x₂, v = v₁ − v₂"
     )

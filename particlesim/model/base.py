@@ -32,6 +32,8 @@ class Model(BaseModel):
 
     tag: ClassVar[str] = "type"
     """The key that tells the models of a union apart, where they have it."""
+    unused: ClassVar[tuple[str, ...]] = ()
+    """Keys of its base that it has no use for, and refuses: they are told nowhere among those that are allowed."""
 
     model_config = ConfigDict(
         frozen=True,
@@ -58,6 +60,8 @@ class Model(BaseModel):
             entry = properties.get(cls.model_fields[name].alias or name)
             if entry is not None:
                 entry["description"] = text
+        for name in cls.unused:
+            properties.pop(name, None)
         return made
 
 

@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 import particlesim as ps
 from particlesim.errors import Diagnostic, ScenarioError
 from particlesim.model.mistakes import Invalid
+from particlesim.scenario.tables import Tables
 from particlesim.scenario.text.diagnose import MOST_SHOWN, scenario_error
 from particlesim.scenario.text.overrides import apply_overrides, override_from_python, parse_override
 from particlesim.scenario.text.source import parse_source, source_from_dict
+from particlesim.scenario.text.typewalk import branches, child, choose, fields, node
 
 from .toy import GOOD, Scenario, load
 
@@ -233,6 +235,52 @@ def test_misspelt_key_is_marked_at_the_key() -> None:
     assert unknown.hint == 'did you mean "coefficient"?'
     assert unknown.allowed == "type, name, coefficient, on"
     assert marked(unknown) == "coeficient"
+
+
+REFUSED = [
+    (
+        "bodies",
+        {"shape": {"type": "sphere", "radius": 1}},
+        {
+            "radius": 1,
+            "springs": {"structural": 1},
+            "integrator": "rk4",
+            "cooling": {"rate": 1},
+            "pinned": True,
+            "dynamics": {"type": "tracer", "flow": [{"type": "uniform", "velocity": [1, 0, 0]}]},
+        },
+    ),
+    ("interactions", {"type": "contact", "model": "impulse"}, {"cutoff": 1, "shift": "energy"}),
+    ("interactions", {"type": "flocking", "sight": 1}, {"shift": "energy"}),
+    ("interactions", {"type": "friction", "coefficient": 1, "range": 1}, {"shift": "energy"}),
+]
+
+
+def test_keys_that_are_always_refused_are_not_among_those_allowed() -> None:
+    def told(table: str, entry: dict[str, object]) -> ScenarioError:
+        grains = {"name": "g", "radius": 1, "layout": {"type": "points", "position": [[0, 0, 0]]}}
+        start = {"simulation": {"duration": 1, "dt": 0.1}, "particles": [grains]}
+        with pytest.raises(ScenarioError) as caught:
+            ps.from_table({**start, table: [entry]})
+        return caught.value
+
+    models = []
+    for table, entry, refused in REFUSED:
+        model = child(child(node(Tables), table, []), 0, entry)
+        model = choose(model, entry) if model.is_union else model
+        assert set(refused) == set(model.model.unused)
+        models.append(model.model)
+        (unknown,) = told(table, {**entry, "foo": 1}).diagnostics
+        assert unknown.allowed is not None
+        assert not set(refused) & set(unknown.allowed.split(", "))
+        for key, value in refused.items():
+            assert any(key in found.path for found in told(table, {**entry, key: value}).diagnostics)
+    # no other table refuses keys of its base
+    for table in fields(Tables):
+        kind = child(node(Tables), table, [])
+        kind = child(kind, 0, [{}]) if kind is not None and kind.is_list else kind
+        for branch in () if kind is None else branches(kind) if kind.is_union else [kind]:
+            assert branch.model in models or not getattr(branch.model, "unused", ())
 
 
 @pytest.mark.parametrize("key", ["mass", "radius", "temperature", "charge"])

@@ -92,8 +92,14 @@ def is_vector(kind: Node) -> bool:
 
 
 def fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
-    """The keys that a table of `model` may have."""
+    """The keys of a table of `model`, with those that it refuses."""
     return {info.alias or name: info for name, info in model.model_fields.items()}
+
+
+def allowed_keys(model: type[BaseModel]) -> list[str]:
+    """The keys that a table of `model` may have."""
+    unused = getattr(model, "unused", ())
+    return [key for key in fields(model) if key not in unused]
 
 
 def branches(union: Node) -> list[Node]:

@@ -69,7 +69,7 @@ def _walk(kind: Node, table: str, tag: str | None, above: tuple[object, ...]) ->
         if element is not None:
             yield from _walk(element, table, tag, above)
     elif kind.model is not None and kind.model not in above:
-        for key in typewalk.fields(kind.model):
+        for key in typewalk.allowed_keys(kind.model):
             inner = typewalk.child(kind, key, None)
             assert inner is not None
             name = _inside(table, key, inner)

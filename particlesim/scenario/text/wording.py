@@ -54,7 +54,7 @@ def unknown_key(key: str, table: Node | None, raw: Any, suggest: Suggest) -> Wor
     """A key that the table does not have."""
     if table is not None and table.is_union:
         table = typewalk.choose(table, raw)
-    known = [] if table is None or table.model is None else list(typewalk.fields(table.model))
+    known = [] if table is None or table.model is None else typewalk.allowed_keys(table.model)
     return Words(f"unknown key {key!r}", ", ".join(known) or None, suggest(key, known))
 
 
@@ -217,8 +217,8 @@ def _parts(union: Node) -> str | None:
 
 def _keys(model: type[BaseModel]) -> str:
     """The keys of a table: those that it needs, and those that it may have."""
-    known = typewalk.fields(model)
-    needed = [key for key, info in known.items() if info.is_required()]
+    known, infos = typewalk.allowed_keys(model), typewalk.fields(model)
+    needed = [key for key in known if infos[key].is_required()]
     others = [key for key in known if key not in needed]
     return ", ".join(needed) + (", and if need be " if needed and others else "") + ", ".join(others)
 
