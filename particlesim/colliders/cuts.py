@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.way import MOST_LOOKS, first_root, longest, place_on, way_of
+from particlesim.colliders.way import INTO, MOST_LOOKS, first_root, longest, place_on, way_of
 from particlesim.compiler import outlined
 from particlesim.laws.registry import Particle, bend, gap, normal
 
@@ -82,7 +82,7 @@ def _comes_in(part: Any, p: Particle, w: Any, s: Any, slack: Any) -> Any:
     g, n = gap(part, here), normal(part, here)
     b = n[0] * (w.ux + 2 * s * w.cx) + n[1] * (w.uy + 2 * s * w.cy) + n[2] * (w.uz + 2 * s * w.cz)
     a = n[0] * w.cx + n[1] * w.cy + n[2] * w.cz
-    return s if g < -slack else s + first_root(a, b, max(g, -slack) + 4 * slack)
+    return s if g < -slack else s + first_root(a, b, max(g, -slack) + type(g)(INTO) * slack)
 
 
 @outlined

@@ -29,6 +29,8 @@ from particlesim.laws.registry import Particle, gap, moved_to, normal
 
 MOST_LOOKS = 96
 """Looks at a convex shape; a graze halves what is left each time, and the gap is rounding by then."""
+INTO = 1.5
+"""How deep into a shape a way is followed, in rounding errors: so that it is seen to be reached, and not passed if thin."""
 MOST_STEPS = 4096
 """Safe steps along other shapes; beyond them the way is cut into pieces of a thousandth."""
 
@@ -107,7 +109,7 @@ def convex_contact(c: Any, p: Particle, q: Particle, h: float, slack: float) -> 
         n = normal(c, here)
         b = n[0] * (w.ux + 2 * s * w.cx) + n[1] * (w.uy + 2 * s * w.cy) + n[2] * (w.uz + 2 * s * w.cz)
         a = n[0] * w.cx + n[1] * w.cy + n[2] * w.cz
-        s = s + first_root(a, b, g + 4 * slack)  # a little into it, so that it is seen to be reached
+        s = s + first_root(a, b, g + type(g)(INTO) * slack)
         if not s < 1:
             break
     return max(found, type(p.x)(2.0**-40))

@@ -178,7 +178,8 @@ def too_thin(world: World) -> tuple[str, ...]:
     """A sentence for every shape so thin that places are rounded to a part of it and of what touches it.
 
     Single precision keeps places in steps of ε |x|. On its way in a step a particle is looked at in double precision, where
-    gaps below 16 ε times its coordinates, the size of all colliders, and how far it moves in two steps are rounding.
+    gaps below 16 ε times its coordinates, the size of all colliders, and how far it moves in two steps are rounding; of
+    those that move with the ε of single precision, as they come upon places that are rounded.
     """
     scenario, found = world.scenario, []
     precision, tables = scenario.simulation.precision, [each for _, each in collider_tables(scenario)]
@@ -201,7 +202,7 @@ def too_thin(world: World) -> tuple[str, ...]:
         radius = min(0.0 if each is None else each[1] for each in touching)
         step = max(
             float(np.finfo(precision).eps) * max(far, float(np.abs(collider.pivot()).max())),
-            float(np.finfo(float).eps) * size,
+            float(np.finfo(float if collider.motion is None else precision).eps) * size,
         )
         if thickness + 2 * radius < THINNEST * step:
             better = ', or precision = "double"' if precision == "single" else ""
