@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.colliders.folds import FaceRecord, face_and_slope
+from particlesim.colliders.folds import FaceRecord, aside, face_and_slope
 from particlesim.colliders.sampled import SampledRecord, sampled, sampled_slope
 from particlesim.compiler import outlined
 from particlesim.expressions.operations import Ray, slope, value
@@ -38,6 +38,8 @@ CLOSE = 1e-3
 FURTHER = 2.0
 """How much farther than in the turn before it may go along the surface, whose curvature there is not known yet."""
 
+BENT = 1e-6
+"""Square of the change of a slope beside a place, in units of the slope, from which on it has none there."""
 SAME = 1 - 1e-12
 """Square of the cosine between slopes of one face where its foot is found."""
 
@@ -72,24 +74,38 @@ def level_and_slope(f: Any, x: Any, y: Any, z: Any) -> Any:
 
 
 @outlined
-def foot(f: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, scale: Any, far: Any) -> Any:
+def foot(f: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, scale: Any, far: Any, deep: Any) -> Any:
     """The signed distance of a place from the surface φ = 0 [m], the unit normal there, and whether they were found, looked
-    for from s on, which is another place for one that is outside only; `far`, whether also by descent."""
+    for from s on; if that is another place, `deep` says whether the first one is inside. `far`: whether also by descent."""
     d, nx, ny, nz, found = 0.0, 0.0, 1.0, 0.0, False
     there = (sx == x) & (sy == y) & (sz == z)
     if there or not far:  # else it would go far off, if the surface is round
-        d, nx, ny, nz, found = _by_planes(f, x, y, z, sx, sy, sz, scale)
+        d, nx, ny, nz, found = _by_planes(f, x, y, z, sx, sy, sz, scale, deep)
     if far and not found:
-        d, nx, ny, nz, found = _by_descent(f, x, y, z, sx, sy, sz, scale)
+        d, nx, ny, nz, found = _by_descent(f, x, y, z, sx, sy, sz, scale, deep)
     return d, nx, ny, nz, found
 
 
+def _begin(f: Any, x: Any, y: Any, z: Any, scale: Any) -> Any:
+    """Where a search begins that is to begin at a place, and φ and its gradient there: beside an axis, where √(x² + y²) has
+    no slope, it has one."""
+    v, a, b, c = level_and_slope(f, x, y, z)
+    if isinstance(f, SampledRecord):
+        return x, y, z, v, a, b, c
+    sx, sy, sz = aside(x, y, z, scale)
+    w, e, g, k = level_and_slope(f, sx, sy, sz)
+    change2 = (e - a) * (e - a) + (g - b) * (g - b) + (k - c) * (k - c)
+    bent = change2 > BENT * (e * e + g * g + k * k)
+    x, y, z = sx if bent else x, sy if bent else y, sz if bent else z
+    return x, y, z, w if bent else v, e if bent else a, g if bent else b, k if bent else c
+
+
 @outlined
-def _by_planes(f: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, scale: Any) -> Any:
+def _by_planes(f: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, scale: Any, deep: Any) -> Any:
     """`foot`, all of the way to the foot on the tangent plane in every turn."""
-    tiny = 2.0**-51 * scale
-    v, a, b, c = level_and_slope(f, sx, sy, sz)
-    outside = (v > 0) | (sx != x) | (sy != y) | (sz != z)
+    tiny, there = 2.0**-51 * scale, (sx == x) & (sy == y) & (sz == z)
+    sx, sy, sz, v, a, b, c = _begin(f, sx, sy, sz, scale)
+    outside = (not deep) & ((not there) | (v + a * (x - sx) + b * (y - sy) + c * (z - sz) > 0))
     found = False
     for _ in range(MOST_TURNS):
         steep2 = a * a + b * b + c * c
@@ -119,12 +135,12 @@ def _by_planes(f: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, scale:
 
 
 @outlined
-def _by_descent(f: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, scale: Any) -> Any:
+def _by_descent(f: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, scale: Any, deep: Any) -> Any:
     """`foot`, on to the tangent plane, and a part of the way along it, in every turn. On edges of samples, which have
     ripples, it may not converge: then it is the nearest place of the surface that it has come by."""
-    tiny = 2.0**-51 * scale
-    v, a, b, c = level_and_slope(f, sx, sy, sz)
-    outside = (v > 0) | (sx != x) | (sy != y) | (sz != z)
+    tiny, there = 2.0**-51 * scale, (sx == x) & (sy == y) & (sz == z)
+    sx, sy, sz, v, a, b, c = _begin(f, sx, sy, sz, scale)
+    outside = (not deep) & ((not there) | (v + a * (x - sx) + b * (y - sy) + c * (z - sz) > 0))
     found = False
     part = FIRST
     nearest, hx, hy, hz = 4 * scale, sx, sy, sz
@@ -143,10 +159,10 @@ def _by_descent(f: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, scale
             leap2 = FURTHER * FURTHER * moved2
             part = part if part * part * w2 <= leap2 else np.sqrt(leap2 / w2)
         ox, oy, oz = x - sx, y - sy, z - sz
-        size, deep = np.sqrt(ox * ox + oy * oy + oz * oz), abs(down) * np.sqrt(steep2)
-        if size < nearest and deep <= CLOSE * size:
+        size, below = np.sqrt(ox * ox + oy * oy + oz * oz), abs(down) * np.sqrt(steep2)
+        if size < nearest and below <= CLOSE * size:
             nearest, hx, hy, hz = size, sx, sy, sz
-        left = np.sqrt(wx * wx + wy * wy + wz * wz) + deep
+        left = np.sqrt(wx * wx + wy * wy + wz * wz) + below
         if left <= 1e-9 * abs(t) * np.sqrt(steep2) + tiny:
             found = True
             break

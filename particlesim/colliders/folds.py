@@ -30,6 +30,8 @@ MOST_TURNS = 32
 """Turns of the search for an edge or a corner."""
 SPREAD = 4
 """How many times as far as its face an edge may be, if it is sharp."""
+ASIDE = (2.0**-40, 0.6 * 2.0**-40, 0.8 * 2.0**-40)
+"""How far from a place a search begins that has no side to go to, as on the axis of a tube, in units of the box."""
 ON = 2.0**-46
 """How far from φ = 0 a place of the surface may be, by rounding, in units of the box."""
 
@@ -81,6 +83,11 @@ def number_and_slope(f: Any, x: Any, y: Any, z: Any, piece: Any) -> Any:
     return value(f, p), slope(f, Ray(p, a)), slope(f, Ray(p, b)), slope(f, Ray(p, c))
 
 
+def aside(x: Any, y: Any, z: Any, scale: Any) -> Any:
+    """Where a search begins that has no side to go to at a place."""
+    return x + ASIDE[0] * scale, y + ASIDE[1] * scale, z + ASIDE[2] * scale
+
+
 @outlined
 def face_and_slope(f: Any, x: Any, y: Any, z: Any) -> Any:
     """φ of a face and its gradient at a place."""
@@ -118,12 +125,13 @@ def _beyond(c: Any, x: Any, y: Any, z: Any, piece: Any) -> Any:
 
 
 @outlined
-def _edge(ends: Any, piece: Any, k: Any, x: Any, y: Any, z: Any, scale: Any) -> Any:
-    """The nearest place with φ = 0 on a piece and at kink k, or side, and whether it was found."""
+def _edge(
+    ends: Any, piece: Any, k: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, scale: Any
+) -> Any:
+    """The nearest place with φ = 0 on a piece and at kink k, or side, looked for from s on, and whether it was found."""
     face, tiny = FaceRecord(ends.field.pieces, piece), 2.0**-51 * scale
-    sx, sy, sz = (min(max(u, ends.low[k]), ends.high[k]) for k, u in enumerate((x, y, z)))
     found = False
-    for _ in range(MOST_TURNS):
+    for turn in range(MOST_TURNS):
         v, a, b, c = face_and_slope(face, sx, sy, sz)
         w, d, e, g = _end_and_slope(ends, k, sx, sy, sz, piece)
         ox, oy, oz = x - sx, y - sy, z - sz
@@ -131,7 +139,10 @@ def _edge(ends: Any, piece: Any, k: Any, x: Any, y: Any, z: Any, scale: Any) -> 
         aa, ad, dd = a * a + b * b + c * c, a * d + b * e + c * g, d * d + e * e + g * g
         spread = aa * dd - ad * ad
         if not spread > 1e-12 * aa * dd:
-            break
+            if turn > 0:
+                break
+            sx, sy, sz = aside(sx, sy, sz, scale)
+            continue
         i, j = (dd * v - ad * w) / spread, (aa * w - ad * v) / spread
         ux, uy, uz = x - i * a - j * d, y - i * b - j * e, z - i * c - j * g
         moved = np.sqrt((ux - sx) * (ux - sx) + (uy - sy) * (uy - sy) + (uz - sz) * (uz - sz))
@@ -207,15 +218,29 @@ def nearer(best: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, outside
 
 @outlined
 def at_edges(
-    c: Any, piece: Any, best: Any, x: Any, y: Any, z: Any, foot: Any, outside: Any, scale: Any
+    c: Any,
+    piece: Any,
+    best: Any,
+    x: Any,
+    y: Any,
+    z: Any,
+    px: Any,
+    py: Any,
+    pz: Any,
+    foot: Any,
+    outside: Any,
+    scale: Any,
 ) -> Any:
-    """The best foot so far, or a nearer place on edges and corners of a face that ends before the foot of a place on it; and
-    whether there is any such place."""
+    """The best foot so far, or a nearer place on edges and corners, looked for from the place or from p on, of a face that
+    ends before the foot of a place on it; and whether there is any such place."""
     count, ended = len(c.field.kinks) + SIDES, False
     ends = _beyond(c, x - foot.d * foot.nx, y - foot.d * foot.ny, z - foot.d * foot.nz, piece)
     for k in range(count):
         if ((ends >> k) & 1) > 0:
-            sx, sy, sz, found = _edge(c, piece, k, x, y, z, scale)
+            cx, cy, cz = (min(max(u, c.low[j]), c.high[j]) for j, u in enumerate((x, y, z)))
+            sx, sy, sz, found = _edge(c, piece, k, x, y, z, cx, cy, cz, scale)
+            if not found and not ((px == cx) & (py == cy) & (pz == cz)):
+                sx, sy, sz, found = _edge(c, piece, k, x, y, z, px, py, pz, scale)
             if found and on_surface(c, sx, sy, sz, scale):
                 best, ended = nearer(best, x, y, z, sx, sy, sz, outside), True
             elif found:
@@ -246,36 +271,60 @@ def close_kinks(f: Any, piece: Any, x: Any, y: Any, z: Any, reach: Any) -> Any:
     return bits
 
 
+def few(bits: Any) -> Any:
+    """Whether kinks have no more faces about them than are looked at."""
+    faces = 1
+    for k in range(MOST_KINKS):
+        faces = 2 * faces if ((bits >> k) & 1) > 0 else faces
+    return faces <= MOST_FACES
+
+
 @outlined
 def nearest_foot(
-    foot: Any, c: Any, x: Any, y: Any, z: Any, px: Any, py: Any, pz: Any, scale: Any, far: Any
+    foot: Any,
+    c: Any,
+    x: Any,
+    y: Any,
+    z: Any,
+    px: Any,
+    py: Any,
+    pz: Any,
+    scale: Any,
+    far: Any,
+    deep: Any,
+    about: Any,
 ) -> Any:
-    """The signed distance of a place from the surface φ = 0 [m], the unit normal there, and whether they were found; p is
-    the place, or one in the box where the search begins. `foot` finds them for a face, if `far` by descent, too."""
+    """The signed distance of a place from the surface φ = 0 [m], the unit normal there, whether they were found, whether it
+    is sure to be the least of the faces that were looked at, and whether these are all; p is the place, or one in the box
+    where the search begins, and then `deep` says whether the place is inside. `foot` finds them for a face, if `far` by
+    descent, too. Of faces those count that are within `about` of p, if they are few, or, if that is 0, as near as the best
+    foot."""
     f = c.field
     own, tiny = own_piece(f, px, py, pz), 2.0**-48 * scale
     out = np.sqrt((x - px) * (x - px) + (y - py) * (y - py) + (z - pz) * (z - pz))
-    outside = (out > 0) | (number(f.formula, px, py, pz) > 0)
-    best, known = Foot(0.0, 0.0, 1.0, 0.0, False), True
+    outside = (not deep) & ((out > 0) | (number(f.formula, px, py, pz) > 0))
+    best, sure = Foot(0.0, 0.0, 1.0, 0.0, False), True
     near, turned, looks = 0, 0, 0
     while looks < MOST_FACES:
         piece = own ^ turned
-        at = Foot(*foot(FaceRecord(f.pieces, piece), x, y, z, px, py, pz, scale, far))
+        at = Foot(*foot(FaceRecord(f.pieces, piece), x, y, z, px, py, pz, scale, far, deep))
         ended = False
         if at.found and ((not best.found) or abs(at.d) < abs(best.d)):
             if not on_surface(c, x - at.d * at.nx, y - at.d * at.ny, z - at.d * at.nz, scale):
-                best, ended = at_edges(c, piece, best, x, y, z, at, outside, scale)
+                best, ended = at_edges(c, piece, best, x, y, z, px, py, pz, at, outside, scale)
             elif (at.d > 0) == outside or abs(at.d) <= tiny:
                 best, ended = at, True
         if looks == 0:
             # What decides at the place ends somewhere near; where is not known if it is too bent to tell.
-            known = ended
+            sure = ended
             reach = abs(best.d) if best.found else (SPREAD * abs(at.d) if at.found else scale)
-            near = close_kinks(f, own, px, py, pz, reach + out + tiny)
+            near = close_kinks(f, own, px, py, pz, about if about > 0 else reach + out + tiny)
             turned = near
+            if about > 0 and not few(near):
+                break
         else:
             turned = (turned - 1) & near
         looks += 1
         if turned == 0:
             break
-    return best.d, best.nx, best.ny, best.nz, best.found and known
+    return best.d, best.nx, best.ny, best.nz, best.found, best.found and sure, turned == 0

@@ -2,8 +2,9 @@
 
 φ need not be a distance. Two things are known of it: its value, and bounds of its slope between levels of φ, so that the
 surface is at least ∫dφ/L(φ) away (`levels`). Near the surface the distance is that to the foot of a place (`feet`): as far
-as `band`, and where the bound is less than a particle's radius, so that it may touch. Farther away, and where no foot is
-found, the gap is the bound. Of a φ with kinks every face is looked at (`folds`).
+as `band`, and where the bound is less than a particle's radius, so that it may touch. Where a ball may touch and no foot is
+sure to be the nearest, what the surface leaves free is looked for (`cubes`). Farther away the gap is the bound. Of a φ with
+kinks every face is looked at (`folds`).
 
 Feet are looked for from outside of the box, too. Where the box cuts the solid off, they are not: there the gap is √(d² + g²)
 with the nearest place of the box d away and g the gap there, which is no more than the distance, and has no jumps.
@@ -18,8 +19,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from particlesim.colliders.cubes import nearest_in_cubes
 from particlesim.colliders.feet import FormulaRecord, foot, level, level_and_slope
-from particlesim.colliders.folds import FoldedRecord, in_box, nearest_foot
+from particlesim.colliders.folds import FoldedRecord, Foot, in_box, nearest_foot
 from particlesim.colliders.levels import LevelsRecord, from_surface
 from particlesim.colliders.sampled import SampledRecord
 from particlesim.colliders.solid import PARTS
@@ -47,6 +49,8 @@ ROOM = 0.98
 """Part of the radius of balls within which a solid that is cut may be to a side of its box that does not cut it."""
 DOUBTFUL = 1.5
 """A foot is looked for elsewhere, too, if it is so many times as far as the bound."""
+WIDER = 1.25
+"""How far from its place a ball looks for what the surface leaves free, in units of its radius."""
 HALVINGS = 20
 """Halvings after which a place of the surface is near enough to begin with."""
 
@@ -112,10 +116,11 @@ def foot_of(
     c: Any, x: Any, y: Any, z: Any, sx: Any, sy: Any, sz: Any, scale: Any, far: Any, bound: Any
 ) -> Any:
     """The foot of a place, looked for from s on, which is the place itself or the nearest one in the box, as `foot` tells of
-    it. `bound` is the least that its distance can be."""
+    it, whether it is sure to be the nearest of the faces looked at, and whether these are all. `bound` is the least that its
+    distance can be."""
     if isinstance(c.field, FoldedRecord):
-        return nearest_foot(foot, c, x, y, z, sx, sy, sz, scale, far)
-    d, nx, ny, nz, found = foot(c.field, x, y, z, sx, sy, sz, scale, far)
+        return nearest_foot(foot, c, x, y, z, sx, sy, sz, scale, far, False, 0.0)
+    d, nx, ny, nz, found = foot(c.field, x, y, z, sx, sy, sz, scale, far, False)
     if far and not (
         c.cut and d <= DOUBTFUL * bound
     ):  # where its sides do not cut it, there is no surface beyond them
@@ -131,7 +136,7 @@ def foot_of(
                 e, ex, ey, ez, met = _from_inside(c, x, y, z, ux, uy, uz, scale)
                 if met and 0 < e < d and in_box(c, x - e * ex, y - e * ey, z - e * ez):
                     d, nx, ny, nz = e, ex, ey, ez
-    return d, nx, ny, nz, found
+    return d, nx, ny, nz, found, found, True
 
 
 @outlined
@@ -142,7 +147,9 @@ def _from_inside(c: Any, x: Any, y: Any, z: Any, ux: Any, uy: Any, uz: Any, scal
         half = 0.5 * (near + far)
         solid = level(c.field, x + half * (ux - x), y + half * (uy - y), z + half * (uz - z)) < 0
         near, far = near if solid else half, half if solid else far
-    return foot(c.field, x, y, z, x + near * (ux - x), y + near * (uy - y), z + near * (uz - z), scale, True)
+    return foot(
+        c.field, x, y, z, x + near * (ux - x), y + near * (uy - y), z + near * (uz - z), scale, True, False
+    )
 
 
 @outlined
@@ -162,14 +169,20 @@ def distance(c: Any, x: Any, y: Any, z: Any, size: Any) -> Any:
     least = np.sqrt(out * out + g * g)
     far = least <= size
     if abs(g) - size <= c.band:
-        exact, mx, my, mz, found = foot_of(c, cx, cy, cz, cx, cy, cz, scale, far, g)
-        if found:
+        exact, mx, my, mz, found, sure, whole = foot_of(c, cx, cy, cz, cx, cy, cz, scale, far, g)
+        if not (sure and whole) and c.side * g > 0 and abs(g) < WIDER * size:
+            # nothing touches a bound that is no surface
+            first = Foot(exact, mx, my, mz, found)
+            nearest, mx, my, mz, sure = nearest_in_cubes(c, cx, cy, cz, WIDER * size, first, scale, g < 0)
+            exact = nearest if g > 0 else -nearest
+            g = g if sure or nearest < abs(g) else exact
+        if sure:
             g, nx, ny, nz = exact, mx, my, mz
             if out > 0 and least - size <= c.band and not c.cut:
                 # from the foot of the nearest place of the box on
                 sx, sy, sz = cx - g * nx, cy - g * ny, cz - g * nz
-                exact, mx, my, mz, found = foot_of(c, x, y, z, sx, sy, sz, scale, far, least)
-                if found and in_box(c, x - exact * mx, y - exact * my, z - exact * mz):
+                exact, mx, my, mz, _, sure, _ = foot_of(c, x, y, z, sx, sy, sz, scale, far, least)
+                if sure and in_box(c, x - exact * mx, y - exact * my, z - exact * mz):
                     return exact, mx, my, mz
     if out > 0:
         # the part of the way along the box, which is all of it that brings the nearest place of the box closer

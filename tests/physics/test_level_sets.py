@@ -117,6 +117,87 @@ def test_a_formula_with_kinks_is_as_exact_as_the_shape(name: str, inside: bool) 
     np.testing.assert_allclose(gaps(formula, x), gaps(box, x), atol=1e-12 if name == "distance" else 16 * EPS)
 
 
+PROFILES: dict[str, tuple[str, list[tuple[float, float]]]] = {
+    "rooms": (
+        "min(max(hypot(x,z)-0.4, max(-y,y-0.9)), max(hypot(x,z)-0.6, max(y-0.12,-0.9-y)))",
+        [(0, 0.9), (0.4, 0.9), (0.4, 0.12), (0.6, 0.12), (0.6, -0.9), (0, -0.9)],
+    ),
+    "silo": (
+        "min(min(max(hypot(x,z)-0.55, max(-y,y-0.9)), max(hypot(x,z)-0.22, abs(y)-0.2)),"
+        " max(hypot(x,z)-0.66, max(y+0.08,-0.9-y)))",
+        [(0, 0.9), (0.55, 0.9), (0.55, 0), (0.22, 0), (0.22, -0.08), (0.66, -0.08), (0.66, -0.9), (0, -0.9)],
+    ),
+    "hourglass": (
+        "max(hypot(x,z)-0.1-0.5*abs(y), abs(y)-0.8)",
+        [(0, 0.8), (0.5, 0.8), (0.1, 0), (0.5, -0.8), (0, -0.8)],
+    ),
+    "pipe": (
+        "max(abs(hypot(x,z)-0.5)-0.1, abs(y)-0.5)",
+        [(0.4, -0.5), (0.4, 0.5), (0.6, 0.5), (0.6, -0.5), (0.4, -0.5)],
+    ),
+}
+"""Solids about the y axis, and the line whose turn makes their surface: (distance from the axis, y)."""
+
+
+def from_line(x: NDArray[Any], corners: list[tuple[float, float]]) -> NDArray[Any]:
+    """Distances of places from the surface that a line makes that turns about the y axis."""
+    q, line = np.stack([np.hypot(x[:, 0], x[:, 2]), x[:, 1]], axis=1)[:, None], np.array(corners)
+    begin, way = line[:-1], np.diff(line, axis=0)
+    part = np.clip(((q - begin) * way).sum(axis=2) / (way**2).sum(axis=1), 0, 1)
+    return np.linalg.norm(q - begin - part[..., None] * way, axis=2).min(axis=1)
+
+
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("name", PROFILES)
+def test_balls_touch_surfaces_and_nothing_else(name: str, inside: bool) -> None:
+    # Where two rooms overlap, the faces in which each ends go on, and φ is small. A place on the axis has no nearest side.
+    text, line = PROFILES[name]
+    formula = FormulaCollider(distance=text, size=(2, 2, 2), inside=inside)
+    x = np.random.default_rng(5).uniform(-0.9, 0.9, (3000, 3))
+    x[::6, [0, 2]] = 0
+    x = x[(value_at(formula.node(), *x.T) < 0) == inside]
+    expected = from_line(x, line)
+    if inside:
+        expected = np.minimum(expected, 1 - np.abs(x).max(axis=1))
+    for radius in (0.01, 0.03, 0.1):
+        found, near = gaps(formula, x, radius), expected < radius
+        assert near.any()
+        np.testing.assert_allclose(found[near], expected[near] - radius, atol=1e-9)
+        assert (found[~near] >= 0).all()
+        assert (found < expected - radius + 1e-9).all()
+
+
+def test_balls_fall_freely_through_rooms_that_overlap() -> None:
+    # The rim is 20 mm from the axis; φ on it is 3 mm and less where the rooms overlap.
+    radii = [0.0005, 0.0018, 0.004, 0.008, 0.014]
+    final = ps.run(
+        ps.from_table(
+            {
+                "simulation": {"duration": 0.1, "dt": 1e-3, "integrator": "velocity_verlet"},
+                "particles": [
+                    {
+                        "name": f"p{k}",
+                        "layout": {"type": "points", "position": [[0, 0.03, 0], [1e-3, 0.03, 2e-3]]},
+                        "radius": radius,
+                        "mass": 1.0,
+                    }
+                    for k, radius in enumerate(radii)
+                ],
+                "forces": [{"type": "gravity"}],
+                "colliders": [
+                    {
+                        "type": "formula",
+                        "inside": True,
+                        "distance": "min(max(hypot(x,z)-0.02,-y), max(hypot(x,z)-0.03,y-0.006))",
+                        "size": [0.08, 0.5, 0.08],
+                    }
+                ],
+            }
+        )
+    ).final
+    np.testing.assert_allclose(final.position[:, 1], 0.03 - 0.005 * G, atol=1e-12)
+
+
 def test_the_nearest_of_the_faces_of_a_formula_counts() -> None:
     # Of two faces in a dent the one with the smaller φ decides, at places that are nearer to the other.
     formula = FormulaCollider(distance="min(y - 0.3*abs(x), 4*(y - 0.2*z + 0.5*x))", size=(4, 4, 4))

@@ -205,11 +205,12 @@ def box_of(near: Any, drift: Any, g: Any) -> Any:
 
 
 def is_clear(wall: Any, ball: Any, reach: Any, t: Any) -> Any:
-    """Whether nothing in a ball can touch a wall, or hold on to it within a reach: gaps do not change faster than places."""
+    """Whether nothing in a ball can touch a wall, or hold on to it within a reach: gaps do not change faster than places.
+    Its middle is asked for, as some shapes would search all of the ball for what it touches."""
     x, y, z, radius = ball
     none = x - x
-    p = Particle(x, y, z, none, none, none, none + type_of(none, 1), radius, none, t, none)
-    return (radius < 0) | (gap(wall.shape, p) > reach)
+    p = Particle(x, y, z, none, none, none, none + type_of(none, 1), none, none, t, none)
+    return (radius < 0) | (gap(wall.shape, p) - radius > reach)
 
 
 def walls_of(site: Site, pairs: PairSet) -> tuple[tuple[Wall, ...], tuple[Marks | None, ...]]:
