@@ -33,12 +33,8 @@ def brace(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> bool:
     """Lay out what impulses do at the contacts of a cluster with its joints, where these take nearly all; whether there are
     any. Rows of joints are laid out and factorised."""
     first, last = motion.contact_from[cluster], motion.contact_from[cluster + 1]
-    rows, component = 0, motion.first_component[cluster]
-    while component >= 0:
-        rows += joints.row[joints.group[component + 1]] - joints.row[joints.group[component]]
-        component = joints.next[component]
     found = False
-    if rows * (last - first) > MOST_WORK:
+    if rows_of(motion, joints, cluster) * (last - first) > MOST_WORK:
         return found
     for at in range(first, last):
         c = k.order[at]
@@ -57,6 +53,15 @@ def brace(b: Any, k: Any, motion: Any, joints: Any, cluster: Any) -> bool:
             if left[0] < HELD:
                 k.target[c] = -np.inf
     return found
+
+
+def rows_of(motion: Any, joints: Any, cluster: Any) -> int:
+    """How many rows the joints of a cluster have."""
+    rows, component = 0, motion.first_component[cluster]
+    while component >= 0:
+        rows += joints.row[joints.group[component + 1]] - joints.row[joints.group[component]]
+        component = joints.next[component]
+    return int(rows)
 
 
 def free_give(b: Any, k: Any, c: Any, d: Any) -> Any:

@@ -23,6 +23,7 @@ from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.memory import forget
 from particlesim.engine.rigid.narrow import entry, plus
 from particlesim.engine.rigid.parting import push_apart
+from particlesim.engine.rigid.passing import pass_on
 from particlesim.engine.rigid.rotation import (
     dot,
     normalised,
@@ -267,6 +268,7 @@ def step_bodies(
         if k.number[0] == 0 and scene.joints is None:
             forget(memory)
         else:
+            pass_on(b, k, motion, memory, scene.joints, scene.hearing, middle, dt)
             solve(b, k, motion, memory, scene.joints, dt)
             if scene.hearing is not None:
                 note_impacts(scene.hearing, b, k, motion, middle, dt)
