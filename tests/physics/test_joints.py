@@ -579,3 +579,30 @@ def test_the_axis_of_a_hinge_may_have_any_length(length: float) -> None:
     ]
     assert abs(ends[0][0, 3]) > 0.04
     np.testing.assert_allclose(ends[1], ends[0], rtol=1e-12, atol=1e-15)
+
+
+def pulled_chain(h: float, steps: int) -> Any:
+    """A chain of 20 links that bears a load, and gravity a little aside."""
+    shape = {"type": "capsule", "radius": 0.01, "length": 0.08}
+    turned = {"axis": [1, 0, 0], "angle": 90}
+    at = {"type": "points", "position": [[0, -0.05 - 0.1 * k, 0] for k in range(20)]}
+    link = {"name": "link", "shape": shape, "mass": 0.2, "orientation": turned, "layout": at}
+    load = {"name": "load", "shape": {"type": "sphere", "radius": 0.1}, "mass": 30.0, "position": [0, -2, 0]}
+    joints = [
+        {"type": "ball", "on": "link", "pairs": [[k, k + 1] for k in range(19)]},
+        {"type": "ball", "between": ["link", "world"], "anchor": [0, 0, 0]},
+        {"type": "ball", "between": ["link", "load"], "pairs": [[19, 0]], "anchor": [0, -2, 0]},
+    ]
+    pull = [{"type": "gravity", "acceleration": [0.5, -G, 0.2]}]
+    output = {"every": 1, "ledger": True}
+    return table(steps * h, h, bodies=[link, load], joints=joints, forces=pull, output=output)
+
+
+def test_what_is_pulled_along_limits_the_step_as_it_swings_across(tmp_path: Path) -> None:
+    # Links between others that swing against each other turn by θ about their middles, with T l θ²/2 and m l² ω² θ²/24.
+    limit = math.sqrt(0.2 * 0.1 / (3 * 30.0 * G))
+    ps.run(ps.from_table(pulled_chain(0.9 * limit, 400)), tmp_path / "chain.vtkhdf")
+    found = energies(ps.open(tmp_path / "chain.vtkhdf"))
+    assert found.max() - found[0] < 1e-6 * 30.0 * G * 2
+    with pytest.raises(ps.DivergenceError, match=r"had gained|could not be held"):
+        ps.run(ps.from_table(pulled_chain(1.3 * limit, 400)))

@@ -48,7 +48,10 @@ WHY = {
 }
 """The message about a particle that could not go on with its own steps, and its hint."""
 
-UNCLOSED = "try a smaller dt; bodies may turn by less than about a quarter of a turn in a step"
+UNCLOSED = (
+    "try a smaller dt; bodies may turn by less than about a quarter of a turn in a step, and what is pulled with a force T, "
+    "as links of the mass m and the length l, asks for dt < sqrt(m l/(3 T)), also where it cracks like a whip"
+)
 """What to do about joints of bodies."""
 UNHELD = (
     "try a smaller dt; where rods leave no way to move, as a straight chain between two pins or a braced square that is "
