@@ -92,7 +92,7 @@ def test_a_ball_that_slips_off_a_row_of_beads_gains_nothing(method: str, dt: flo
     assert total.max() < (1 + most) * total[0]
 
 
-def swirl(dt: float, duration: float, method: str) -> Any:
+def swirl(dt: float, duration: float, method: str, precision: str = "double") -> Any:
     """Nine smooth grains that circle in a smooth funnel, on each other, in three rings."""
     rings = [(0.022, -0.03, 0.0), (0.022, -0.01, 0.7), (0.022, 0.01, 1.4)]
     angles = [(r, y, phase + 2 * np.pi * k / 3) for r, y, phase in rings for k in range(3)]
@@ -103,20 +103,18 @@ def swirl(dt: float, duration: float, method: str) -> Any:
         radius=0.006,
     )
     funnel = {"type": "cone", "start": [0, 0.1, 0], "end": [0, -0.1, 0], "radius": 0.1145}
-    return ps.run(
-        ps.from_table(
-            table(
-                duration,
-                dt,
-                method,
-                particles=[grains],
-                forces=[{"type": "gravity"}],
-                colliders=[{**funnel, "inside": True, "restitution": 0.3}],
-                interactions=[{"type": "contact", "restitution": 0.6}],
-                output={"every": round(0.05 / dt), "ledger": True},
-            )
-        )
+    given = table(
+        duration,
+        dt,
+        method,
+        particles=[grains],
+        forces=[{"type": "gravity"}],
+        colliders=[{**funnel, "inside": True, "restitution": 0.3}],
+        interactions=[{"type": "contact", "restitution": 0.6}],
+        output={"every": round(0.05 / dt), "ledger": True},
     )
+    given["simulation"]["precision"] = precision
+    return ps.run(ps.from_table(given))
 
 
 @pytest.mark.parametrize("method", ["velocity_verlet", "rk4", "stormer_verlet"])
@@ -129,3 +127,10 @@ def test_grains_that_circle_in_a_funnel_keep_their_energy(method: str, dt: float
     energy, kinetic = run.energy[first:], run.ledger["kinetic"][first]
     assert energy.max() - energy[0] < gain * kinetic
     assert energy[0] - energy.min() < 6e-3 * kinetic
+
+
+def test_grains_that_circle_in_a_funnel_keep_their_energy_in_single_precision() -> None:
+    """Rounding of their speeds along the wall had told that it threw them back: 1.6 % more in three seconds."""
+    run = swirl(5e-4, 4.0, "velocity_verlet", "single")
+    energy, kinetic = run.energy[20:], run.ledger["kinetic"][20]
+    assert energy.max() - energy[0] < 1e-3 * kinetic

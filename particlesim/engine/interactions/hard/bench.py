@@ -20,12 +20,12 @@ impacts of the step have done so [m/s]: distance over sum of radii; the overlap 
 a change of their relative velocity, after PARTS [2], which part of sliding it has to be to end that, and by
 how much it turns each of them [2] [1/m]; what forces add to their approach after an impact in the step [m/s]."""
 OWN, RUBS, ABOVE, FASTER = 6, 9, 10, 11
-STILL = 14
-"""Row of `normal` and `wall_normal` after these: 1 of what has touched at the beginning of the step and did not approach
-then, so that an elastic contact rests, too; else 0."""
 """Rows of `wall_normal` after the normal, LEAST, PARTING and ALONG: the velocity of the surface [m/s], the coefficient
 of its friction at rest, how far above it a particle is that does not touch it [m], and by how much faster the surface is at
 the end of the step than in its middle, when impulses work [3] [m/s]."""
+STILL = 14
+"""Row of `normal` and `wall_normal` after these: 1 of what touched at the beginning of the step and hardly moved along the
+normal then, so that an elastic contact rests, too; else 0."""
 FREE, BOUNCY = -1, -2
 """Values of LEAST of what does not lie on its wall, where that is elastic, too."""
 LIMIT = 3

@@ -41,6 +41,8 @@ ON_WALL = 1e-4
 """Gap to a collider, as a part of the radius, below which a particle lies on it."""
 BENT = 0.5
 """How far the velocity of what slides may turn otherwise than its surface does, as a part of that."""
+ROUNDED = 2.0**-21
+"""Rounding errors of speeds in single precision, as parts of them."""
 SAME_SIDE = 0.99
 """The cosine of the angle between two normals from which on they are of one side."""
 OUT, NEARER, MOST_TURNS_OUT = 1e-9, 0.9, 64
@@ -132,7 +134,8 @@ def note_carried(each: Any, forces: Any, c: Any, before: Any, begin: Any, end: A
             by = float(h) * float(each.a[i])
             kick = by * (float(x) * n[0] + float(y) * n[1] + float(z) * n[2])
             w[STILL, q] = 1 if abs(came) <= -CALMLY * kick else 0
-            given = -kick if abs(rate) <= -NOISE * kick else -np.inf
+            along = abs(rate) <= -NOISE * kick + rounding_of(c.vx[i], c.vy[i], c.vz[i])
+            given = -kick if along else -np.inf
             for axis, now in enumerate((c.vx, c.vy, c.vz)):
                 given += n[axis] * (float(now[i]) - float(before[3 + axis, i]) - s[CARRIED + axis, i])
             given = min(max(given, 0.0), max(-kick, 0.0))
@@ -156,7 +159,8 @@ def slides_around(each: Any, collider: Any, c: Any, before: Any, h: Any, i: Any,
         rate += float(one[axis]) * float(a)
         square += float(a - b) * float(a - b)
     slides = (w[LEAST, q] >= 0) & (w[ABOVE, q] <= 0) & (w[ALONG, q] == 0) & (each.ways.late[0] == 0)
-    slides &= (abs(rate) <= NOISE * np.sqrt(square)) & (abs(change - turned) < BENT * abs(turned))
+    slides &= abs(rate) <= NOISE * np.sqrt(square) + rounding_of(p.vx, p.vy, p.vz)
+    slides &= abs(change - turned) < BENT * abs(turned)
     if slides:
         size, rate = 0.0, 0.0
         for axis in range(3):
@@ -168,6 +172,11 @@ def slides_around(each: Any, collider: Any, c: Any, before: Any, h: Any, i: Any,
             rate += float(w[axis, q]) * float(a)
         w[ALONG, q] = rate
     return slides
+
+
+def rounding_of(vx: Any, vy: Any, vz: Any) -> float:
+    """How fast along a normal what has no such speed may be by rounding, in single precision [m/s]."""
+    return ROUNDED * float(abs(vx) + abs(vy) + abs(vz)) if isinstance(vx, np.float32) else 0.0
 
 
 def thrown_back(collider: Any, before: Any, h: Any, i: Any, p: Any, g: Any, n: Any) -> Any:
