@@ -56,6 +56,9 @@ STEEP = 2.0**-20
 """The square of the change of a velocity, over its own, above which an impact is no graze."""
 AHEAD = 8
 """Places on a way, each four times as far as the last, at which the other part of a shape is looked for."""
+TURNS, NARROW, CALMLY = 32, 2.0**-10, 0.25
+"""After how many impacts what comes no further than a part of what forces move in a step, and is slower than a part of what
+they give, rests: it circles in the tip of a cone, or in a corner, where turns take no time."""
 MOST_PUSHES = 64
 """Passes over the colliders of a corner that put a particle out of it: each leaves cos² of the angle between two parts."""
 
@@ -101,7 +104,7 @@ def follow(
     exhausted = False
     stalls = 0
     early = False
-    begun = p
+    begun = here = p
     p, outcome = separate(contacts.continuous, p, p, contacts)
     put_out = (p.x != begun.x) | (p.y != begun.y) | (p.z != begun.z)
     put_out |= (p.vx != begun.vx) | (p.vy != begun.vy) | (p.vz != begun.vz)
@@ -122,6 +125,11 @@ def follow(
             if holds:
                 p, memory = lain, restart(memory)
                 break
+        if impacts > 0 and impacts % TURNS == 0:
+            if not cramped and _circles(contacts, here, p, push, h):
+                p, memory, early = _at_rest(p), restart(memory), True
+                break
+            here = p
         whole = impacts == MAX_IMPACTS
         q, after, on, length, stuck = stretch(
             method, dynamics, forces, contacts, p, left, memory, calm, whole
@@ -240,6 +248,23 @@ def _held(contacts: Any, p: Any, q: Any) -> Any:
         r = _pushed(contacts.continuous, p, slack, q.t)
         q = moved_to(q, r.x, r.y, r.z, q.vx, q.vy, q.vz, q.t)
     return q
+
+
+@outlined
+def _circles(contacts: Any, p: Any, q: Any, push: Any, h: Any) -> bool:
+    """Whether a particle q, which was at p some impacts ago, hardly moves; `push`: what forces give in the step [m/s]."""
+    if any(isinstance(c.shape, MovingRecord) for c in contacts.continuous):
+        return False
+    x, y, z = q.x - p.x, q.y - p.y, q.z - p.z
+    much = push[0] * push[0] + push[1] * push[1] + push[2] * push[2]
+    far, narrow, calmly = type_of(p.x, NARROW) * h, x * x + y * y + z * z, type_of(p.x, CALMLY * CALMLY)
+    return (narrow <= far * far * much) & (q.vx * q.vx + q.vy * q.vy + q.vz * q.vz <= calmly * much)
+
+
+def _at_rest(p: Any) -> Any:
+    """A particle that stays where it is."""
+    zero = p.vx - p.vx
+    return moved_to(p, p.x, p.y, p.z, zero, zero, zero, p.t)
 
 
 @outlined
