@@ -34,6 +34,7 @@ def test_who_is_hit_in_a_heap_that_has_settled_gains_nothing() -> None:
     assert broken_rules(worst_of(draw(12, "box", 0.0), 20)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_contacts_whose_impulses_yield_energy_keep_their_normals() -> None:
     # What is heard of impacts, and what holds grains to a body at the end of a step, is along them: grains had been pushed

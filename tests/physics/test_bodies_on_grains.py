@@ -278,7 +278,9 @@ def test_the_same_bits_after_a_stop_and_for_any_number_of_threads(monkeypatch: A
     assert bits(one) == bits(two) == bits(again)
 
 
-@pytest.mark.parametrize("name", ["symplectic_euler", "velocity_verlet"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("symplectic_euler", marks=pytest.mark.slow), "velocity_verlet"]
+)
 def test_a_heap_under_a_box_finds_its_rest(name: str) -> None:
     """Bodies' impulses and those of grains see the same gaps, and the same places at the end of a step: where they did not,
     the heap crept by half a millimetre in half a second, with velocities of next to nothing."""

@@ -182,8 +182,10 @@ def test_solids_put_together_are_pieces_of_convex_ones_with_the_same_gaps() -> N
     np.testing.assert_allclose(distances(inside, x), -expected, atol=1e-14)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.05])
-@pytest.mark.parametrize("dt", [0.005, 0.02])
+@pytest.mark.parametrize(
+    ("dt", "friction"),
+    [pytest.param(0.005, 0.0, marks=pytest.mark.slow), (0.005, 0.05), (0.02, 0.0), (0.02, 0.05)],
+)
 def test_what_slides_along_an_edge_stays_in_its_room_beside_another_one(dt: float, friction: float) -> None:
     """Three of 20 had passed a wall of a nanometre: of the wall and the floor of the next room the farther one was met."""
     thick, n = 1e-9, 20

@@ -154,7 +154,24 @@ def tire(w: Any, fed: Any, i: Any, s: Any, h: Any) -> None:
 def rest(w: Any, fed: Any, i: Any, s: Any, h: Any) -> None:
     """Have a particle that something may move stay where it is."""
     if w.light[i] > 0:
-        book(fed, stay(w, i, s, h) / w.light[i])
+        owed = stay(w, i, s, h)
+        pay_along(w, fed, i, owed, velocity_at(w, i, s), s)
+
+
+def pay_along(w: Any, fed: Any, i: Any, owed: Any, axis: Any, s: Any) -> None:
+    """Take an energy over the mass from the motion of a particle along an axis, or book it where there is less [J/kg]."""
+    square, along = dot(axis, axis), dot(velocity_at(w, i, s), axis)
+    left = along * along - 2.0 * owed * square
+    if (owed > 0) & (left > 0):
+        add(w.speed, i, (slowed_to(along, left) - along) / square, axis)
+    else:
+        book(fed, owed / w.light[i])
+
+
+def slowed_to(speed: Any, square: Any) -> Any:
+    """A speed in the same direction with another square, 0 if that is less."""
+    new = np.sqrt(max(square, 0.0))
+    return new if speed > 0 else -new
 
 
 def keep_off(w: Any, i: Any, j: Any, n: Any, s: Any, h: Any) -> Any:
@@ -173,8 +190,25 @@ def keep_off(w: Any, i: Any, j: Any, n: Any, s: Any, h: Any) -> Any:
         add(w.go, j, -by * other, n)
         one = dot(minus(row(w.force, i), row(w.carried, i)), n) if mine > 0 else 0.0
         two = dot(minus(row(w.force, j), row(w.carried, j)), n) if other > 0 else 0.0
-        return (two - one) * by * (1.0 - s) / float(h)
+        return pay_for(w, i, j, mine, other, n, (two - one) * by * (1.0 - s) / float(h), s)
     return 0.0
+
+
+def pay_for(w: Any, i: Any, j: Any, mine: Any, other: Any, n: Any, work: Any, s: Any) -> Any:
+    """Take the work of turning the ways of two, whose inverse masses count as `mine` and `other`, from their motion along
+    the normal: a heavy one that squeezes a light one on the floor stays above it in return for its fall. Returns what they
+    do not have [J]."""
+    if work > 0:
+        # who is carried, or stays, is at rest; who is led is not
+        one = dot(velocity_at(w, i, s), n) if (mine > 0) | (w.light[i] <= 0) else 0.0
+        two = dot(velocity_at(w, j, s), n) if (other > 0) | (w.light[j] <= 0) else 0.0
+        apart, both = one - two, mine + other
+        left = apart * apart - 2.0 * both * work
+        by = slowed_to(apart, left) - apart
+        add(w.speed, i, by * mine / both, n)
+        add(w.speed, j, -by * other / both, n)
+        work = max(-0.5 * left / both, 0.0)
+    return work
 
 
 def rub(each: Any, c: Any, i: Any, j: Any, n: Any, u: Any, far: Any, change: Any) -> Any:
@@ -405,8 +439,9 @@ def bounce_off(w: Any, fed: Any, collider: Any, rolling: Any, c: Any, i: Any, t:
         w.what[IMPACTS, i] += 1
         into = -dot(row(w.go, i), n)
         if into > 0:
-            book(fed, lift(w, i, n, s, into / float(h)) / w.light[i])
+            owed = lift(w, i, n, s, into / float(h))
             add(w.go, i, into, n)
+            pay_along(w, fed, i, owed, row(w.go, i), s)
             carry(w, i, s, n)
     else:
         tire(w, fed, i, s, h)
@@ -440,7 +475,7 @@ def put_out_of(w: Any, fed: Any, collider: Any, c: Any, t: Any, h: Any, first: A
                 stand_at(w, i, w.when[ENDS, i], h)
                 add(w.at, i, -float(g), n)
                 pressed = -dot(minus(row(w.force, i), row(w.carried, i)), n)
-                book(fed, -float(g) * max(pressed, 0.0) / (w.light[i] * float(h)))
+                pay_along(w, fed, i, -float(g) * max(pressed, 0.0) / float(h), n, w.when[ENDS, i])
 
 
 def rebounded(
