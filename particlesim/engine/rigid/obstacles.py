@@ -11,7 +11,7 @@ What is slow, lies on a body, or comes to one that touches something or is in a 
 This is for what comes far in a step, whom it meets first, and for what others have sent to a body. Bodies that touch
 something do not rebound here: what comes to them waits at their surface for the next step. An impulse changes the velocity
 that a body has at the end of the step, and its way from then on, but not how it turns in it: energy is kept, or lost, impact
-by impact, as that of grains is (`interactions.hard.blows`). With the normal n of the body, the place a of the impact
+by impact, as that of grains is (`interactions.hard.rebounds`). With the normal n of the body, the place a of the impact
 relative to its centre, and w = 1/m and I of both the impulse and its friction are
 
     P = (1 + e) u_n/(w₁ + w₂ + (a × n)·I₂⁻¹ (a × n)),   |T| ≤ μ P,   T = u_t/(7/2 w₁ + w₂ + (a × t)·I₂⁻¹ (a × t)) at most,
@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import on_stack, outlined
-from particlesim.engine.interactions.hard.blows import MOST_STRIDES, TOUCHES
+from particlesim.engine.interactions.hard.walls_ahead import MOST_STRIDES, TOUCHES
 from particlesim.engine.rigid.bodies import Bodies, row
 from particlesim.engine.rigid.grains import away_from
 from particlesim.engine.rigid.narrow import minus, plus

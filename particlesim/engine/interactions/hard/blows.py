@@ -1,74 +1,34 @@
-"""Impacts of swift hard grains in the midst of a step, on each other, on colliders and on rigid bodies (`swift`).
+"""Impacts of swift hard grains on each other in the midst of a step, and what others do to their motion (`swift`).
 
 Two get what a pair in turns gets (`impulses`), along the line of centres at the time of impact: −(1 + e) v_n and friction
 within Coulomb's cone, with the velocities of that time. Forces go on after it as before, so their work on the way that is
 now another one is what the change of v² leaves out: with e = 1 energy is kept wherever in the step an impact is. An impulse
-may be larger, so that both do not go on into each other, but no larger than that of e = 1.
+may be larger, so that both do not go on into each other, but no larger than that of e = 1. Where they would nevertheless,
+their ways are turned, and what they do not fall for that is taken from their motion.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
-from particlesim.colliders.response import bounce_at, rebound
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.bench import REST
 from particlesim.engine.interactions.hard.friction import held_by
 from particlesim.engine.interactions.hard.overheard import tell_both
 from particlesim.engine.interactions.hard.turns import BLOWS, bounces_at
-from particlesim.engine.interactions.hard.walls import FLAT, colliders_of, whole
 from particlesim.engine.interactions.hard.ways import (
-    BEGUN,
-    BEND,
-    ENDS,
     HIT,
     IMPACTS,
     MOST_IMPACTS,
-    SIDE,
-    STRAIGHT,
-    WALL,
-    carry,
-    excess,
-    leg_of,
     let_go,
-    place_at,
     stand_at,
     stay,
     velocity_at,
 )
 from particlesim.engine.interactions.lifting import book
 from particlesim.engine.interactions.pressing import cross
-from particlesim.engine.state.columns import fetch
-from particlesim.engine.step.rubbing import slowed
-from particlesim.laws.registry import PASS, gap_and_normal, moved_to, with_radius
-
-CORNERS = 2
-"""How often all colliders are looked at that something may have been pushed into."""
-ROUNDING = 1e-12
-"""Rate at which what lies on a collider comes closer to it by rounding, as a part of its pace."""
-HALVINGS = 40
-"""Of a way that has led into a collider."""
-TOUCHES, LEAVES, MOST_STRIDES = 1e-9, 0.05, 256
-"""Gap to a collider at which a particle hits it, and what it goes without a look where it leaves one, as parts of its
-radius; strides on the way to a collider at most, where it is taken to be then."""
-
-
-class Blow(NamedTuple):
-    """What a particle brings to an impact on a rigid body at time s of a step: its place, velocity and angular velocity,
-    None where it has none; the normal of the body; its radius and 1/m; up to which approach it does not rebound; s and h."""
-
-    at: Any
-    v: Any
-    turning: Any
-    n: Any
-    r: Any
-    light: Any
-    slow: Any
-    s: Any
-    h: Any
 
 
 def dot(a: Any, b: Any) -> Any:
@@ -90,9 +50,6 @@ def add(rows: Any, i: Any, part: Any, v: Any) -> None:
     """Add a part of a vector to one in rows [3, n]."""
     for axis in range(3):
         rows[axis, i] += part * v[axis]
-
-
-# ---- two particles
 
 
 @outlined
@@ -260,245 +217,3 @@ def end_rolling(each: Any, c: Any, i: Any, j: Any, n: Any, change: Any) -> None:
         q = held_by(w.held, 1, rolls, 1.0 / (mine + other), change, most, most)
         add(w.spin, i, mine, q)
         add(w.spin, j, -other, q)
-
-
-# ---- colliders
-
-
-def find_wall(w: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
-    """Find out when a particle comes to a collider or a rigid body on its way, which it has not gone before."""
-    find_collider(w, parts, c, i, t, h)
-    if w.obstacles is not None and may_meet(w, i):
-        find_body(w, c, i, w.when[BEGUN, i])
-
-
-def find_collider(w: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> None:
-    """Find out when a particle comes to a collider on its way, which it has not gone before."""
-    k = 0
-    w.when[WALL, i] = np.inf
-    for part in parts:
-        for collider in colliders_of(part):
-            if (part.first <= i) & (i < part.last) & (w.light[i] > 0):
-                soonest = wall_ahead(w, collider, c, i, t, h)
-                if soonest < w.when[WALL, i]:
-                    w.when[WALL, i], w.what[SIDE, i] = soonest, k
-            k += 1
-
-
-def look_again(w: Any, parts: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> None:
-    """Find out anew when a particle comes to something from time s on: the body that it would have come to then has got
-    another way."""
-    if w.what[HIT, i] > 0:
-        find_collider(w, parts, c, i, t, h)
-    else:
-        w.when[WALL, i] = np.inf  # the way of what nobody hits is known
-    find_body(w, c, i, s)
-    if (s < w.when[BEND, i]) & (w.when[BEND, i] < STRAIGHT) & (w.when[WALL, i] == np.inf):
-        find_body(w, c, i, w.when[BEND, i])
-
-
-@outlined
-def find_body(w: Any, c: Any, i: Any, s: Any) -> None:
-    """Find out when a particle comes to a rigid body on its leg from time s on, if that is before it comes to a collider."""
-    o, (begun, x, go) = w.obstacles, leg_of(w, i, s)
-    x = (x[0] + (s - begun) * go[0], x[1] + (s - begun) * go[1], x[2] + (s - begun) * go[2])
-    ends = w.when[BEND, i] if s < w.when[BEND, i] else w.when[ENDS, i]
-    soonest, body, pace, n = type(o).find(o, x, go, float(c.r[i]), i, s, min(ends, w.when[ENDS, i]))
-    if soonest < w.when[WALL, i]:
-        w.when[WALL, i], w.what[SIDE, i] = soonest, -1 - body
-        for axis in range(3):
-            w.met[axis, i], w.met[3 + axis, i] = pace[axis], n[axis]
-        w.met[6, i] = o.changes[body]
-
-
-def may_meet(w: Any, i: Any) -> Any:
-    """Whether a particle is moved by impulses, and does not go with the surface of a body that it has come to."""
-    with_it = w.what[SIDE, i] < 0
-    for axis in range(3):
-        with_it = with_it & (w.go[axis, i] == w.met[axis, i])
-    return (w.light[i] > 0) & (w.what[IMPACTS, i] < MOST_IMPACTS) & (not with_it)
-
-
-@outlined
-def wall_ahead(w: Any, collider: Any, c: Any, i: Any, t: Any, h: Any) -> float:
-    """When a particle comes to a collider: it goes as far as that is away at least, again and again. Where it leaves one
-    side it goes a little way at once, and may come into another one, as in a corner; then that is looked for on this way."""
-    s, go, r, stride = w.when[BEGUN, i], row(w.go, i), float(c.r[i]), 0
-    left = s
-    own = np.sqrt(dot(go, go))
-    while (s < w.when[ENDS, i]) & (stride < MOST_STRIDES) & (own > 0):
-        g, axes = look_from(w, collider, c, i, s, t, h)
-        x, fast = pace_of(collider, on_way(w, c, i, s, t, h), h)
-        fast, n = fast + own, whole(axes, g)
-        rate = dot(minus(go, x), n)
-        closes = rate < -ROUNDING * fast
-        if isinstance(collider.shape, FLAT):
-            return s + max(g, 0.0) / -rate if closes else np.inf
-        if (g <= TOUCHES * r) & closes:
-            low, high = (left if g < -TOUCHES * r else s), s
-            for _ in range(HALVINGS if low < high else 0):
-                middle = 0.5 * (low + high)
-                gap, _ = look_from(w, collider, c, i, middle, t, h)
-                low, high = (low, middle) if gap < -TOUCHES * r else (middle, high)
-            return low
-        left = s
-        s += (g if closes else max(g, LEAVES * r)) / fast
-        stride += 1
-    return s if (s < w.when[ENDS, i]) & (own > 0) else np.inf
-
-
-def pace_of(collider: Any, p: Any, h: Any) -> Any:
-    """How far the surface of a collider comes in a step at a particle, and at most near it [m]."""
-    if not isinstance(collider.shape, MovingRecord):
-        return (0.0, 0.0, 0.0), 0.0
-    u = surface_velocity(collider.shape, frame_at(collider.shape, p.t, p.x), p.x, p.y, p.z)
-    turns = 0.0 if collider.shape.spin is None else abs(float(collider.shape.spin.rate))
-    x = (h * u[0], h * u[1], h * u[2])
-    way = h * np.sqrt(p.vx * p.vx + p.vy * p.vy + p.vz * p.vz)
-    return x, np.sqrt(dot(x, x)) + turns * h * way
-
-
-def look_from(w: Any, collider: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> Any:
-    """The gap to a collider, and its normal, at time s of the way of a particle."""
-    return gap_and_normal(collider.shape, on_way(w, c, i, s, t, h))
-
-
-def on_way(w: Any, c: Any, i: Any, s: Any, t: Any, h: Any) -> Any:
-    """A particle at time s of its way."""
-    x, v = place_at(w, i, s), velocity_at(w, i, s)
-    p = with_radius(fetch(c, i, t), float(c.r[i]))
-    return moved_to(p, x[0], x[1], x[2], v[0], v[1], v[2], t - (1.0 - s) * float(h))
-
-
-def hit_wall(w: Any, fed: Any, parts: Any, c: Any, i: Any, t: Any, h: Any) -> bool:
-    """The impact of a particle on the collider, or the rigid body, that is next on its way; whether it takes place."""
-    k = 0
-    if w.obstacles is not None and w.what[SIDE, i] < 0:
-        if w.met[6, i] != w.obstacles.changes[-1 - w.what[SIDE, i]]:
-            look_again(w, parts, c, i, w.when[WALL, i], t, h)
-            return False
-        meet_body(w, fed, c, i, h)
-    for part in parts:
-        for collider in colliders_of(part):
-            if k == w.what[SIDE, i]:
-                bounce_off(w, fed, collider, part.rolling, c, i, t, h)
-            k += 1
-    return True
-
-
-@outlined
-def meet_body(w: Any, fed: Any, c: Any, i: Any, h: Any) -> None:
-    """The rebound of a particle from the rigid body that is next on its way. It goes on beside it, at least as fast as the
-    surface does."""
-    o, s, body = w.obstacles, w.when[WALL, i], -1 - w.what[SIDE, i]
-    stand_at(w, i, s, h)
-    w.what[HIT, i] = 1
-    if (o.waits[0] == 0) & (o.free[body] > 0) & (w.what[IMPACTS, i] < MOST_IMPACTS - 1):
-        n = (w.met[3, i], w.met[4, i], w.met[5, i])
-        slow, turning = REST * abs(dot(row(w.force, i), n)), None if c.spin is None else row(w.spin, i)
-        v = velocity_at(w, i, s)
-        blow = Blow(row(w.at, i), v, turning, n, float(c.r[i]), w.light[i], slow, s, float(h))
-        change, turn, pace = type(o).strike(o, i, body, blow)
-        push(w, i, 1.0, change, s, h)
-        add(w.spin, i, 1.0, turn)
-        w.what[IMPACTS, i] += 1
-        into, had = dot(minus(pace, row(w.go, i)), n), excess(w, i, s, h)
-        if into > 0:
-            add(w.go, i, into, n)
-            carry(w, i, s, n)
-            book(fed, max(excess(w, i, s, h) - had, 0.0) / w.light[i])
-    else:
-        tire(w, fed, i, s, h)
-        ride(w, fed, i, s, h)
-
-
-def ride(w: Any, fed: Any, i: Any, s: Any, h: Any) -> None:
-    """Have a particle that has come to a rigid body at time s of a step of h go with the surface there until the end of the
-    step, as if time stood still for it: it rebounds as a guest of the bodies in the next one."""
-    force, pace = minus(row(w.force, i), row(w.carried, i)), row(w.met, i)
-    rest(w, fed, i, s, h)
-    for axis in range(3):
-        w.go[axis, i] = pace[axis]
-    book(fed, max(-(w.when[ENDS, i] - s) * dot(force, pace), 0.0) / (w.light[i] * float(h)))
-
-
-@outlined
-def bounce_off(w: Any, fed: Any, collider: Any, rolling: Any, c: Any, i: Any, t: Any, h: Any) -> None:
-    """The rebound of a particle from a collider. It stays there until the end of the step, and meets it in the next one, if
-    that moves, somebody hears of impacts, or it is to stick or to vanish."""
-    s, response = w.when[WALL, i], collider.response
-    stand_at(w, i, s, h)
-    known = not isinstance(collider.shape, MovingRecord) and response.heard is None
-    if known & (w.what[IMPACTS, i] < MOST_IMPACTS - 1) and response.outcome == PASS:
-        p = on_way(w, c, i, s, t, h)
-        g, axes = gap_and_normal(collider.shape, p)
-        n = whole(axes, g)
-        approach = dot((p.vx, p.vy, p.vz), n)
-        if approach < 0:
-            push(w, i, 1.0, rebounded(w, collider, rolling, c, i, p, axes, n, approach), s, h)
-        w.what[IMPACTS, i] += 1
-        into = -dot(row(w.go, i), n)
-        if into > 0:
-            owed = lift(w, i, n, s, into / float(h))
-            add(w.go, i, into, n)
-            pay_along(w, fed, i, owed, row(w.go, i), s)
-            carry(w, i, s, n)
-    else:
-        tire(w, fed, i, s, h)
-        rest(w, fed, i, s, h)
-
-
-def lift(w: Any, i: Any, n: Any, s: Any, into: Any) -> Any:
-    """The energy over the mass that a particle gets where a collider with a normal n carries it from time s on and turns a
-    way that leads into it at a pace: against what other colliders carry, and as far as others have turned it there."""
-    left, pressed = w.when[ENDS, i] - s, max(-dot(row(w.force, i), n), 0.0)
-    turned = into + dot(velocity_at(w, i, s), n) - 0.5 * left * pressed
-    return left * (into * dot(row(w.carried, i), n) + max(turned, 0.0) * pressed)
-
-
-def put_back(w: Any, fed: Any, parts: Any, c: Any, t: Any, h: Any) -> None:
-    """Put what has been hit out of colliders in which it ends: pairs that were kept off each other may push into one."""
-    for _ in range(CORNERS):
-        for part in parts:
-            for collider in colliders_of(part):
-                put_out_of(w, fed, collider, c, t, h, part.first, part.last)
-
-
-@outlined
-def put_out_of(w: Any, fed: Any, collider: Any, c: Any, t: Any, h: Any, first: Any, last: Any) -> None:
-    """Put those of particles [first, last) that have been hit out of a collider."""
-    for i in range(first, last):
-        if (w.what[HIT, i] > 0) & (w.light[i] > 0):
-            g, axes = look_from(w, collider, c, i, w.when[ENDS, i], t, h)
-            if g < -TOUCHES * float(c.r[i]):
-                n = whole(axes, g)
-                stand_at(w, i, w.when[ENDS, i], h)
-                add(w.at, i, -float(g), n)
-                pressed = -dot(minus(row(w.force, i), row(w.carried, i)), n)
-                pay_along(w, fed, i, -float(g) * max(pressed, 0.0) / float(h), n, w.when[ENDS, i])
-
-
-def rebounded(
-    w: Any, collider: Any, rolling: Any, c: Any, i: Any, p: Any, axes: Any, n: Any, approach: Any
-) -> Any:
-    """By how much the velocity of a particle changes in an impact on a collider that rests, which may turn it [m/s]."""
-    response = collider.response
-    if c.spin is None or response.friction is None:
-        v = rebound(response, axes, approach, p)
-        return v[0] - p.vx, v[1] - p.vy, v[2] - p.vz
-    given = -float(bounce_at(response, approach)) * approach
-    belt = whole((None, None, None) if response.belt is None else response.belt, given)
-    turning, u = cross(row(w.spin, i), n), (p.vx - belt[0], p.vy - belt[1], p.vz - belt[2])
-    along, friction = dot(u, n), response.friction
-    slip = tuple(u[k] - along * n[k] - p.r * turning[k] for k in range(3))
-    if rolling is None:
-        for axis in range(3):
-            w.held[axis, 0] = 0.0
-        t = held_by(w.held, 0, slip, 2 / 7, given, float(friction.static), float(friction.kinetic))
-        turn = cross(n, (-t[0], -t[1], -t[2]))
-    else:
-        roll = tuple(p.r * turning[k] for k in range(3))
-        t, q = slowed(slip, roll, friction, float(rolling), given)
-        turn = cross(n, minus(q, t))
-    add(w.spin, i, 2.5 / p.r if p.r > 0 else 0.0, turn)
-    return given * n[0] + t[0], given * n[1] + t[1], given * n[2] + t[2]

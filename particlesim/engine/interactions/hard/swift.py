@@ -3,11 +3,11 @@
 Contacts look at overlaps at the end of a step. Two that move relative to each other by more than `FAST` of the sum of their
 radii in a step may have passed each other then. So all whose way relative to the mean of all is more than a half of that,
 and those whose impacts on rigid bodies are left to this, are followed along their ways (`ways`) from impact to impact
-(`swept`, `blows`), in the order of time, and of rows at one time. After an impact both go on with the velocities that they
-have then, and are followed, whoever they are, also to colliders and to bodies. What colliders have thrown back more than
-once is followed from the beginning (`follow_anew`). Elastic ones on which forces act are followed at any speed: impacts at
-the end of a step do not know what forces have done until then, and nothing takes away what that gives. What else nobody hits
-keeps its bits, and where nobody is followed nothing is done but to look at that.
+(`swept`, `walls_ahead`; `blows`, `rebounds`), in the order of time, and of rows at one time. After an impact both go on with
+the velocities that they have then, and are followed, whoever they are, also to colliders and to bodies. What colliders have
+thrown back more than once is followed from the beginning (`follow_anew`). Elastic ones on which forces act are followed at
+any speed: impacts at the end of a step do not know what forces have done until then, and nothing takes away what that gives.
+What else nobody hits keeps its bits, and where nobody is followed nothing is done but to look at that.
 
 Ways are cut into laps, each as long as some spaces between particles, so that a particle is compared with what is near to it
 at about that time. Laps and boxes only say whom to compare: impacts do not depend on them, nor on the order of neighbours.
@@ -23,16 +23,12 @@ import numpy as np
 
 from particlesim.compiler import outlined, shared
 from particlesim.engine.barrier import meet, team_of
-from particlesim.engine.interactions.hard.blows import (
-    find_body,
-    find_wall,
-    hit_wall,
-    put_back,
-    strike,
-)
+from particlesim.engine.interactions.hard.blows import strike
 from particlesim.engine.interactions.hard.foreseen import follow_meeting, is_plain
+from particlesim.engine.interactions.hard.rebounds import hit_wall, put_back
 from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next, part_of
 from particlesim.engine.interactions.hard.thrown import bend_ways, size_of, unexplained
+from particlesim.engine.interactions.hard.walls_ahead import find_body, find_wall
 from particlesim.engine.interactions.hard.ways import (
     BEGUN,
     BEND,
