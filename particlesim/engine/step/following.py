@@ -56,9 +56,9 @@ STEEP = 2.0**-20
 """The square of the change of a velocity, over its own, above which an impact is no graze."""
 AHEAD = 8
 """Places on a way, each four times as far as the last, at which the other part of a shape is looked for."""
-TURNS, NARROW, CALMLY = 32, 2.0**-10, 0.25
-"""After how many impacts what comes no further than a part of what forces move in a step, and is slower than a part of what
-they give, rests: it circles in the tip of a cone, or in a corner, where turns take no time."""
+TURNS, NARROW, CALMLY, TURNED = 32, 2.0**-10, 0.25, 0.5
+"""In how many impacts what circles in the tip of a cone, or in a corner, comes no further than a part of what forces move in
+a step, is slower than a part of what they give, and goes elsewhere: the cosine of the angle is less. Then it rests."""
 MOST_PUSHES = 64
 """Passes over the colliders of a corner that put a particle out of it: each leaves cos² of the angle between two parts."""
 
@@ -126,7 +126,7 @@ def follow(
                 p, memory = lain, restart(memory)
                 break
         if impacts > 0 and impacts % TURNS == 0:
-            if not cramped and _circles(contacts, here, p, push, h):
+            if impacts > TURNS and not cramped and _circles(contacts, here, p, push, h):
                 p, memory, early = _at_rest(p), restart(memory), True
                 break
             here = p
@@ -252,13 +252,20 @@ def _held(contacts: Any, p: Any, q: Any) -> Any:
 
 @outlined
 def _circles(contacts: Any, p: Any, q: Any, push: Any, h: Any) -> bool:
-    """Whether a particle q, which was at p some impacts ago, hardly moves; `push`: what forces give in the step [m/s]."""
+    """Whether a particle q, which was at p some impacts ago, circles about one place; `push`: what forces give in the step
+    [m/s]."""
     if any(isinstance(c.shape, MovingRecord) for c in contacts.continuous):
         return False
     x, y, z = q.x - p.x, q.y - p.y, q.z - p.z
-    much = push[0] * push[0] + push[1] * push[1] + push[2] * push[2]
-    far, narrow, calmly = type_of(p.x, NARROW) * h, x * x + y * y + z * z, type_of(p.x, CALMLY * CALMLY)
-    return (narrow <= far * far * much) & (q.vx * q.vx + q.vy * q.vy + q.vz * q.vz <= calmly * much)
+    far, calmly, turned = type_of(p.x, NARROW) * h, type_of(p.x, CALMLY), type_of(p.x, TURNED)
+    much = np.sqrt(push[0] * push[0] + push[1] * push[1] + push[2] * push[2])
+    speed, was = (
+        np.sqrt(q.vx * q.vx + q.vy * q.vy + q.vz * q.vz),
+        np.sqrt(p.vx * p.vx + p.vy * p.vy + p.vz * p.vz),
+    )
+    along = p.vx * q.vx + p.vy * q.vy + p.vz * q.vz
+    near, slow = x * x + y * y + z * z <= far * far * much * much, speed <= calmly * much
+    return near & slow & (along <= turned * speed * was)
 
 
 def _at_rest(p: Any) -> Any:
