@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.combination import Combination
 from particlesim.colliders.content import files_in
 from particlesim.colliders.mesh import told_of_flat
 from particlesim.colliders.solid import Solid
+from particlesim.colliders.thinness import step_of_search, thinnest_wall
 from particlesim.engine.diagnosis.crowding import crowded, crowded_births
 from particlesim.engine.diagnosis.haste import haste
 from particlesim.engine.diagnosis.overlaps import no_room, overlaps
@@ -22,6 +25,8 @@ from particlesim.scenario.scenario import Scenario
 
 THINNEST = 64
 """The thickness of shapes, in steps between two numbers at a place, from which on contact knows their sides for sure."""
+SURE = 1e-9
+"""What is thicker than this part of all that there is has been tried, where no search goes in steps."""
 LIES_IN = 0.1
 """How deep a grain with soft contact may be in a collider at rest, as a part of its radius."""
 PUT = "the first step puts them on its surface, which changes their energy"
@@ -175,13 +180,15 @@ def squeezed(world: World) -> tuple[str, ...]:
 
 
 def too_thin(world: World) -> tuple[str, ...]:
-    """A sentence for every shape so thin that places are rounded to a part of it and of what touches it.
+    """A sentence for every shape so thin that places are rounded to a part of it and of what touches it, or that has a wall
+    so thin, or thinner than the steps in which impacts on it are searched.
 
     Single precision keeps places in steps of ε |x|. On its way in a step a particle is looked at in double precision, where
     gaps below 16 ε times its coordinates, the size of all colliders, and how far it moves in two steps are rounding; of
     those that move with the ε of single precision, as they come upon places that are rounded.
     """
-    scenario, found = world.scenario, []
+    scenario = world.scenario
+    found: list[str] = []
     precision, tables = scenario.simulation.precision, [each for _, each in collider_tables(scenario)]
     states = [state for state in world.states if state.count]
     places = [np.abs(state.x[:, : state.count]) for state in states]
@@ -191,26 +198,39 @@ def too_thin(world: World) -> tuple[str, ...]:
     way = 2 * scenario.grid.dt * max((float(v.sum(axis=0).max()) for v in speeds), default=0.0)
     size += way + max((each.reach() for each in tables), default=0.0)
     for collider in tables:
-        thickness = (
-            collider.waist()
-            if isinstance(collider, Solid) and not getattr(collider, "inside", False)
-            else np.inf
-        )
         touching = [group.least_size() for group in scenario.groups if held_back(collider, (group.name,))]
-        if not touching or not np.isfinite(thickness):
+        if not touching or not isinstance(collider, Solid) or getattr(collider, "inside", False):
             continue
-        radius = min(0.0 if each is None else each[1] for each in touching)
+        diameter = 2 * min(0.0 if each is None else each[1] for each in touching)
         step = max(
             float(np.finfo(precision).eps) * max(far, float(np.abs(collider.pivot()).max())),
             float(np.finfo(float if collider.motion is None else precision).eps) * size,
         )
-        if thickness + 2 * radius < THINNEST * step:
-            better = ', or precision = "double"' if precision == "single" else ""
-            found.append(
-                f"{called(world, collider)} is {thickness:.3g} m thick, and positions there are rounded by {step:.2g} m: "
-                f"what touches it may pass. Make it {THINNEST * step:.2g} m thick at least{better}"
-            )
+        found.extend(_thin(collider, called(world, collider), diameter, step, size, precision))
     return tuple(found)
+
+
+def _thin(
+    collider: Solid, name: str, diameter: float, step: float, size: float, precision: str
+) -> Iterator[str]:
+    """What there is to tell of a collider where positions are rounded by a step, which things of a diameter touch [m]."""
+    better = ', or precision = "double"' if precision == "single" else ""
+    if collider.waist() + diameter < THINNEST * step:
+        yield (
+            f"{name} is {collider.waist():.3g} m thick, and positions there are rounded by {step:.2g} m: "
+            f"what touches it may pass. Make it {THINNEST * step:.2g} m thick at least{better}"
+        )
+    elif isinstance(collider, Combination):
+        search = step_of_search(collider)
+        least = max(search, THINNEST * step)
+        if least > SURE * size and diameter < least:
+            wall = thinnest_wall(collider, least - diameter)
+            if wall is not None:
+                yield (
+                    f"{name} has a wall of {wall.thickness:.2g} m near {_place(wall.place)}: what touches it may pass. "
+                    f"Make it {least - diameter:.2g} m thick at least, or of a rectangle or a box of its own"
+                    + (better if least > search else "")
+                )
 
 
 def knotted(world: World) -> tuple[str, ...]:
