@@ -28,6 +28,8 @@ from particlesim.scenario.reach import meetings_of
 
 NOISE = 64
 """Rounding errors of coordinates that a place on a surface may be off by."""
+SMALLEST = 1e-6
+"""The least size of a scene [m]: at the origin, in a corner of planes that go through it, there is none to tell rounding."""
 SUNK = 1e-3
 """Depth in a body, as a part of its smallest size, that contacts may leave: ten times what they tolerate (`rigid_scene`)."""
 
@@ -110,7 +112,7 @@ def _behind(world: World, watched: Watched) -> Ints:
         part = slice(first, min(first + PIECE, state.count))
         x = state.x[:, part]
         low, high = x.min(axis=1).astype(float), x.max(axis=1).astype(float)
-        slack = eps * (max(-low.min(), high.max()) + collider.reach())
+        slack = eps * max(max(-low.min(), high.max()) + collider.reach(), SMALLEST)
         if isinstance(collider, Plane) and collider.motion is None:
             n = np.array(unit(collider.normal))
             nearest = np.where(n > 0, low, high)

@@ -254,17 +254,19 @@ def _held(contacts: Any, p: Any, q: Any) -> Any:
 def _circles(contacts: Any, p: Any, q: Any, push: Any, h: Any) -> bool:
     """Whether a particle q, which was at p some impacts ago, circles about one place; `push`: what forces give in the step
     [m/s]."""
-    if any(isinstance(c.shape, MovingRecord) for c in contacts.continuous):
-        return False
-    x, y, z = q.x - p.x, q.y - p.y, q.z - p.z
-    far, calmly, turned = type_of(p.x, NARROW) * h, type_of(p.x, CALMLY), type_of(p.x, TURNED)
+    calmly, turned = type_of(p.x, CALMLY), type_of(p.x, TURNED)
     much = np.sqrt(push[0] * push[0] + push[1] * push[1] + push[2] * push[2])
+    far = max(type_of(p.x, NARROW) * h * much, rounding(contacts, p))
+    for c in contacts.continuous:
+        if isinstance(c.shape, MovingRecord) and gap(c, q) < far:
+            return False
+    x, y, z = q.x - p.x, q.y - p.y, q.z - p.z
     speed, was = (
         np.sqrt(q.vx * q.vx + q.vy * q.vy + q.vz * q.vz),
         np.sqrt(p.vx * p.vx + p.vy * p.vy + p.vz * p.vz),
     )
     along = p.vx * q.vx + p.vy * q.vy + p.vz * q.vz
-    near, slow = x * x + y * y + z * z <= far * far * much * much, speed <= calmly * much
+    near, slow = x * x + y * y + z * z <= far * far, speed <= calmly * much
     return near & slow & (along <= turned * speed * was)
 
 

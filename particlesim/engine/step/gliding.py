@@ -119,6 +119,12 @@ def _beside(contacts: Any, on: Any, c: Any, k: Any, p: Any, q: Any, h: Any, slac
     return r, turn, found
 
 
+def _stopped(p: Any, q: Any) -> Any:
+    """The end of a step that stays where it began, at rest."""
+    zero = p.x - p.x
+    return moved_to(q, p.x, p.y, p.z, zero, zero, zero, q.t)
+
+
 @outlined
 def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, sure: Any) -> Any:
     """The step of a particle that lies on several colliders, one of which moves it off or into another: on one of them,
@@ -135,6 +141,13 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
         if k > 0 and on[k] & (not found):
             crept, bend, found = _beside(contacts, lies, c, k, p, q, h, slack)
             r, turn = chosen(found, crept, r), bend if found else turn
+    dents = any(dented(c.shape) for c in contacts.continuous)
+    moves = any(map(runs, contacts.continuous)) or _carried(contacts.continuous, on)
+    if not found and sum(on) > 2 and not (dents or moves):
+        r, found = (
+            _stopped(p, r),
+            True,
+        )  # no side and no crease leads on, though pushes in turn might lift it out
     if not found:
         sweeps = 0
         while turn >= 1 and _sunk(contacts.continuous, lies, p, r, slack) and sweeps < MAX_SWEEPS:
@@ -142,13 +155,11 @@ def _corner(contacts: Any, p: Any, q: Any, r: Any, on: Any, h: Any, slack: Any, 
             on = tuple(one | other for one, other in zip(on, more, strict=True))
             _note(lies, on)
             sweeps += 1
-        dents = any(dented(c.shape) for c in contacts.continuous)
         if _sunk(contacts.continuous, lies, p, r, slack):
             if dents or _carried(contacts.continuous, on):
                 r, on, turn = q, nowhere(contacts.continuous), type_of(h, 1)
             else:
-                zero = h - h
-                r = moved_to(r, p.x, p.y, p.z, zero, zero, zero, r.t)
+                r = _stopped(p, r)
         elif not any(map(runs, contacts.continuous)) and (dents or sweeps > 0):
             r = no_faster(contacts.continuous, p, q, r, h, contacts.tolerance, slack)
     return r, on, turn

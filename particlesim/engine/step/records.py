@@ -25,6 +25,9 @@ from particlesim.model.vectors import dot, unit
 
 CONTACT_TOLERANCE = 16
 """Overlap that counts as touching, in units of the rounding error of the coordinates."""
+SMALLEST = 1e-6
+"""How large several colliders are at least, for those errors [m]: in a corner of planes at the origin coordinates have none,
+and hops in it would die out for a thousand impacts."""
 
 FEW, SOME = 2, 6
 """How many colliders that are not planes are met in vectors at most: with more, a kernel takes long to compile, and to run.
@@ -83,6 +86,8 @@ def contacts_record(
         if each.turns_in_place() and is_smooth(records[id(each)]):
             records[id(each)] = records[id(each)]._replace(shape=each.shape())
     reach = max((each.reach() for each in hard), default=0.0)
+    if len(hard) > 1:
+        reach = max(reach, SMALLEST)
     firm = [id(each) for each in hard if each.detection == "continuous" and not inert]
     shapes = closed([records[key].shape for key in firm], reach, dtype, until)
     for key, shape in zip(firm, shapes, strict=True):
