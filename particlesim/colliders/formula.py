@@ -64,6 +64,7 @@ class Formula(Solid):
 
     _steep: float = PrivateAttr(default=1.0)
     _levels: LevelsRecord | None = PrivateAttr(default=None)
+    _field: Any = PrivateAttr(default=None)
     _cut: bool = PrivateAttr(default=False)
 
     @model_validator(mode="after")
@@ -191,12 +192,15 @@ class Formula(Solid):
         low, high, band = (-a, -b, -c), (a, b, c), BAND * max(self.size)
         assert self._levels is not None, "it has not been looked at"
         known = (low, high, self._steep, self._levels, self._cut, band, self.grain(), side)
-        node = self.node()
-        pieces, kinks = folded(node)
-        if 0 < len(kinks) <= MOST_KINKS:
-            field = FoldedRecord(node, pieces, tuple(map(self._kink, kinks)))
-            return placed(CreasedRecord(field, *known), self.center, self.rotation())
-        return placed(LevelRecord(FormulaRecord(node), *known), self.center, self.rotation())
+        if self._field is None:
+            node = self.node()
+            pieces, kinks = folded(node)
+            few = 0 < len(kinks) <= MOST_KINKS
+            self._field = (
+                FoldedRecord(node, pieces, tuple(map(self._kink, kinks))) if few else FormulaRecord(node)
+            )
+        record = CreasedRecord if isinstance(self._field, FoldedRecord) else LevelRecord
+        return placed(record(self._field, *known), self.center, self.rotation())
 
     def _kink(self, kink: Kink) -> KinkRecord:
         """A kink with a bound of its slope."""

@@ -10,7 +10,7 @@ look at steps (`engine.step.crossing`).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,10 +35,11 @@ SUNK = 1e-3
 
 
 class Watched(NamedTuple):
-    """A group, and a surface that holds it back: a collider, or bodies of the groups with a 1 here."""
+    """A group, and a surface that holds it back: a collider, with its shape, or bodies of the groups with a 1 here."""
 
     state: GroupState
     collider: Collider | None
+    shape: Any = None
     touch: Floats | None = None
 
 
@@ -73,7 +74,7 @@ def _of_colliders(world: World) -> Iterator[Watched]:
                 continue
             if isinstance(group, Particles) and group.pinned is True:
                 continue
-            yield from (Watched(state, each) for each in colliders if not each.soft)
+            yield from (Watched(state, each, each.body()) for each in colliders if not each.soft)
 
 
 def _of_bodies(world: World) -> Iterator[Watched]:
@@ -90,7 +91,8 @@ def _of_bodies(world: World) -> Iterator[Watched]:
     for state in world.states:
         if island is not None and state.name in touched:
             order = [each.name for each in island.states]
-            yield Watched(state, None, np.array([float(name in touched[state.name]) for name in order]))
+            touch = np.array([float(name in touched[state.name]) for name in order])
+            yield Watched(state, None, touch=touch)
 
 
 def _holds_its_centre(group: Bodies) -> bool:
@@ -120,7 +122,7 @@ def _behind(world: World, watched: Watched) -> Ints:
                 continue
         x = x.astype(float)
         gap = np.empty(x.shape[1])
-        gaps_of(collider.body(), *x, np.zeros(x.shape[1]), world.time, gap)
+        gaps_of(watched.shape, *x, np.zeros(x.shape[1]), world.time, gap)
         found.append(first + np.flatnonzero(gap < -slack))
     return _free(state, np.concatenate(found))
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from particlesim.colliders import Collider
 from particlesim.colliders.gaps import gaps_of, put_outside
-from particlesim.colliders.moving import MovingRecord
 from particlesim.engine.islands.base import BaseIsland
 from particlesim.engine.state.group_state import GroupState
 from particlesim.graph.graph import Island
@@ -98,9 +97,7 @@ def caught(
 ) -> Iterator[Caught]:
     """For each group of an island some of whose colliders move, and each of its colliders, the deepest particle if there is
     no room for it; not for groups and colliders that are `known`."""
-    if not any(
-        isinstance(each.body(), MovingRecord) for colliders in structure.colliders for each in colliders
-    ):
+    if all(each.motion is None for colliders in structure.colliders for each in colliders):
         return
     for overlap in overlaps(island, structure, time, HARD):
         state, row = overlap.state, overlap.deepest
