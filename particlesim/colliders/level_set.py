@@ -125,7 +125,7 @@ def foot_of(
         c.cut and d <= DOUBTFUL * bound
     ):  # where its sides do not cut it, there is no surface beyond them
         found = found and in_box(c, x - d * nx, y - d * ny, z - d * nz)
-    if found and far and d > DOUBTFUL * bound:
+    if found and far and d > 0 and d > DOUBTFUL * bound:
         # It may be one of several. No other is nearer if the solid has no part in the ball about the place that is so large.
         for k in range(27):
             i, j, m = k % 3 - 1.0, k // 3 % 3 - 1.0, k // 9 - 1.0
