@@ -28,8 +28,9 @@ from particlesim.scenario.reach import meetings_of
 
 NOISE = 64
 """Rounding errors of coordinates that a place on a surface may be off by."""
-SMALLEST = 1e-6
-"""The least size of a scene [m]: at the origin, in a corner of planes that go through it, there is none to tell rounding."""
+SMALL = 1e-6
+"""The least size that coordinates and colliders are taken to have, as a part of that at the start: where planes meet at the
+origin, there is none in their corner to tell rounding by."""
 SUNK = 1e-3
 """Depth in a body, as a part of its smallest size, that contacts may leave: ten times what they tolerate (`rigid_scene`)."""
 
@@ -48,6 +49,7 @@ class Crossings:
 
     def __init__(self, world: World) -> None:
         self._watched = [*_of_colliders(world), *_of_bodies(world)]
+        self._least = SMALL * max((_size(each) for each in self._watched), default=0.0)
         self.number = np.zeros(1, np.int64)
         self._inside: list[Ints] = [np.empty(0, np.int64) for _ in self._watched]
         self._newest = np.full(len(self._watched), -1)
@@ -57,7 +59,7 @@ class Crossings:
         """Count who has come to a wrong side since the last look."""
         for k, each in enumerate(self._watched):
             state, n = each.state, each.state.count
-            rows = _behind(world, each) if each.collider is not None else _within(world, each)
+            rows = _behind(world, each, self._least) if each.collider is not None else _within(world, each)
             ids = state.id[rows]
             known = ids <= self._newest[k]
             self.number[0] += int((known & ~np.isin(ids, self._inside[k])).sum())
@@ -104,8 +106,15 @@ def _holds_its_centre(group: Bodies) -> bool:
     return False
 
 
-def _behind(world: World, watched: Watched) -> Ints:
-    """The rows of a group whose centres are on the wrong side of a collider."""
+def _size(watched: Watched) -> float:
+    """How large coordinates of a group and a collider are [m]."""
+    state, collider = watched.state, watched.collider
+    own = 0.0 if collider is None else collider.reach()
+    return own + float(np.abs(state.x[:, : state.count]).max(initial=0.0))
+
+
+def _behind(world: World, watched: Watched, least: float) -> Ints:
+    """The rows of a group whose centres are on the wrong side of a collider; `least`: the size of what is small [m]."""
     state, collider = watched.state, watched.collider
     assert collider is not None
     found: list[Ints] = [np.empty(0, np.int64)]
@@ -114,7 +123,7 @@ def _behind(world: World, watched: Watched) -> Ints:
         part = slice(first, min(first + PIECE, state.count))
         x = state.x[:, part]
         low, high = x.min(axis=1).astype(float), x.max(axis=1).astype(float)
-        slack = eps * max(max(-low.min(), high.max()) + collider.reach(), SMALLEST)
+        slack = eps * max(max(-low.min(), high.max()) + collider.reach(), least)
         if isinstance(collider, Plane) and collider.motion is None:
             n = np.array(unit(collider.normal))
             nearest = np.where(n > 0, low, high)

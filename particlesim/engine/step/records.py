@@ -25,7 +25,7 @@ from particlesim.model.vectors import dot, unit
 
 CONTACT_TOLERANCE = 16
 """Overlap that counts as touching, in units of the rounding error of the coordinates."""
-SMALLEST = 1e-6
+SMALLEST = 1e-9
 """How large several colliders are at least, for those errors [m]: in a corner of planes at the origin coordinates have none,
 and hops in it would die out for a thousand impacts."""
 
