@@ -192,3 +192,38 @@ def test_an_elastic_grain_that_rolls_off_a_light_one_gains_next_to_nothing() -> 
     """Kept off that one, it moves along with what it does not fall: that had been 0.8 % of its energy."""
     grains = points((0, 0.01, 0), (1e-4, 0.03, 0), radius=0.01, mass=[1.0, 10.0])
     assert gain(1e-3, 0.3, [grains], {"restitution": 1.0, "friction": 0.5}, {"friction": 0.5}) < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("degrees", "radius", "friction"), [(60, 0.0105, 0.3), (90, 0.0105, 0.3), (60, 0.0101, 0.0)]
+)
+def test_marbles_in_a_tube_that_is_hardly_wider_do_not_sink_into_each_other(
+    degrees: float, radius: float, friction: float
+) -> None:
+    """Its end was not seen beside both walls, so the lowest one gave way to the others: they came to lie in one place."""
+    axis = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0])
+    places = [[*((0.05 + 0.025 * k) * axis[:2]), 9e-5 * (-1) ** k] for k in range(10)]
+    wall = {"restitution": 0.3, "friction": friction}
+    given = table(
+        1.2,
+        1e-3,
+        particles=[points(*places, radius=0.01, density=2500.0)],
+        forces=[{"type": "gravity"}],
+        colliders=[
+            {
+                "type": "cylinder",
+                "inside": True,
+                "start": [0, 0, 0],
+                "end": (0.4 * axis).tolist(),
+                "radius": radius,
+                **wall,
+            }
+        ],
+        interactions=[{"type": "contact", **wall}],
+        output={"every": 10, "ledger": True},
+    )
+    run = ps.run(ps.from_table(given))
+    x = np.array(run.final.position)
+    gaps = np.linalg.norm(x[:, None] - x[None], axis=2) + np.eye(10)
+    assert gaps.min() > 0.02 * (1 - 1e-3)
+    assert run.warnings == ()

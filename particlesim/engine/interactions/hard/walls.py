@@ -43,8 +43,8 @@ BENT = 0.5
 """How far the velocity of what slides may turn otherwise than its surface does, as a part of that."""
 ROUNDED = 2.0**-21
 """Rounding errors of speeds in single precision, as parts of them."""
-SAME_SIDE = 0.99
-"""The cosine of the angle between two normals from which on they are of one side."""
+SAME_SIDE, OPPOSITE = 0.99, -0.5
+"""The cosine of the angle between two normals from which on they are of one side, and up to which of opposite ones."""
 OUT, NEARER, MOST_TURNS_OUT = 1e-9, 0.9, 64
 """How deep in a collider counts as outside, as a part of the radius; how much less deep each turn makes it, at least, to be
 followed by another; and how many turns there are at most."""
@@ -214,6 +214,10 @@ def list_corner(
         g -= x * m[0] + y * m[1] + z * m[2]
         if new & (g < far):
             end = list_side(each, rolling, collider, number, c, before, h, i, p, g, m, end)
+        if new & (n[0] * m[0] + n[1] * m[1] + n[2] * m[2] < type_of(g, OPPOSITE)):
+            half = type_of(g, 0.5) * g  # in a tube that is hardly wider: from its middle the ends are nearer
+            x, y, z = half * n[0], half * n[1], half * n[2]
+        elif new & (g < far):
             x, y, z = x + far * m[0], y + far * m[1], z + far * m[2]
     return end
 
