@@ -217,6 +217,26 @@ HARD: Table = GRAINS | {
     "interactions": [{"type": "contact", "restitution": 0.2, "friction": 0.4, "rolling_friction": 0.2}],
 }
 
+# Marbles in the tip of a pyramid, which tremble, fall asleep at 0.45 s, and wake up when something pushes them.
+ASLEEP: Table = {
+    "simulation": {"duration": 1.0, "dt": 0.001, "seed": 2},
+    "output": {"every": 50, "precision": "double"},
+    "particles": [
+        {
+            "name": "marbles",
+            "radius": 0.01,
+            "density": 2500.0,
+            "layout": {"type": "points", "position": [[0.004, 0.03, 0.003], [-0.006, 0.06, 0.002]]},
+        }
+    ],
+    "forces": [{"type": "field", "force": ["20*m*max(t - 0.8, 0)", "-9.81*m", "0"]}],
+    "planes": [
+        {"normal": [x, 0.65, z], "restitution": 0.3}
+        for x, z in ((0.73, 0.22), (-0.22, 0.73), (-0.73, -0.22), (0.22, -0.73))
+    ],
+    "interactions": [{"type": "contact", "restitution": 0.3}],
+}
+
 # Grains deep in each other have more pairs than there is room for at first.
 CRUSHED: Table = {
     "simulation": {"duration": 0.4, "dt": 0.001, "seed": 2},
@@ -279,6 +299,7 @@ KINDS = {
     "pairs": PAIRS,
     "grains": GRAINS,
     "hard": HARD,
+    "asleep": ASLEEP,
     "crushed": CRUSHED,
 }
 

@@ -16,6 +16,7 @@ KINDS = [
     "swift",
     "grains",
     "hard",
+    "asleep",
     "crushed",
 ]
 

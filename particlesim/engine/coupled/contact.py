@@ -6,6 +6,7 @@ from typing import Any
 
 from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
+from particlesim.engine.coupled.again import end_of, is_same, keep_end, worthwhile
 from particlesim.engine.coupled.rebounds import note_rebound
 from particlesim.engine.state.columns import block_of, fetch, let_know, note, span, store, tire, type_of
 from particlesim.engine.step.at_rest import overlapped, respond, turning
@@ -23,7 +24,7 @@ from particlesim.engine.step.lateness import (
 from particlesim.engine.step.particle_step import BentRecord, Newtonian
 from particlesim.engine.step.program import BLOCK
 from particlesim.engine.step.rubbing import rubbed
-from particlesim.laws.registry import Particle, further, moved_to
+from particlesim.laws.registry import PASS, Particle, further, moved_to
 
 
 def forget(memory: Any, i: Any) -> None:
@@ -39,9 +40,18 @@ def nudge(memory: Any, i: Any, q: Any, r: Any) -> None:
 
 
 def collide(
-    parts: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any, rebounds: Any = None
+    parts: Any,
+    c: Any,
+    before: Any,
+    share: Any,
+    t: Any,
+    end: Any,
+    h: Any,
+    rebounds: Any = None,
+    kept: Any = None,
 ) -> None:
-    """Contacts at the end of a step; with `rebounds`, those that bounce are listed there.
+    """Contacts at the end of a step; with `rebounds`, those that bounce are listed there; `kept`: what the step before has
+    led to (`again`), None where that is not kept.
 
     A particle that ends inside a collider is followed from impact to impact on the parabola from the beginning of the step
     to where its method has led it. With another path, particles that lie on a collider would oscillate with growing
@@ -54,13 +64,13 @@ def collide(
         if hard or len(part.contacts.soft) > 0:
             first, last = max(share.first, part.first), min(share.last, part.last)
             rubs = (part.rubbing, part.rolling)
-            _collide(part.contacts, rubs, c, before, first, last, t, end, h, False, share, rebounds)
+            _collide(part.contacts, rubs, c, before, first, last, t, end, h, False, share, rebounds, kept)
         if part.cores is not None:
             first, last = max(share.first, part.first), min(share.last, part.last)
             for lo in range(first, last, BLOCK):
                 hi = min(lo + BLOCK, last)
                 if is_deep(part.cores, block_of(c, lo, hi), end):
-                    _collide(part.cores, ((), None), c, before, lo, hi, t, end, h, True, share, None)
+                    _collide(part.cores, ((), None), c, before, lo, hi, t, end, h, True, share, None, None)
 
 
 def core_of(p: Any) -> Any:
@@ -116,6 +126,21 @@ def _caught_up(contacts: Any, rebounds: Any, share: Any, i: Any, p: Any, q: Any,
     return hastened(r, (-late[0], -late[1], -late[2])), outcome, hit, exhausted
 
 
+def _followed(on: Any, contacts: Any, p: Any, q: Any, h: Any, kept: Any, i: Any) -> Any:
+    """What `trace` tells of the step of particle i from p, which would lead to q without contact."""
+    if kept is None or not worthwhile(contacts):
+        r, _, outcome, hit, exhausted, struck = trace(on, Newtonian(), (), contacts, p, h, ())
+        return r, outcome, hit, exhausted, struck
+    if is_same(kept, i, p, q):
+        r, struck = end_of(kept, i, q)
+        outcome, hit, exhausted = PASS, None, False
+    else:
+        r, _, outcome, hit, exhausted, struck = trace(on, Newtonian(), (), contacts, p, h, ())
+        if (outcome == PASS) & (not exhausted):
+            keep_end(kept, i, p, q, r, struck)
+    return r, outcome, hit, exhausted, struck
+
+
 def is_deep(contacts: Any, q: Any, t: Any) -> Any:
     """Whether the core of some particle of a block may be in a collider, or behind a thin one."""
     if isinstance(contacts, Careful) and (
@@ -144,6 +169,7 @@ def _collide(
     soft: Any,
     share: Any,
     rebounds: Any,
+    kept: Any,
 ) -> None:
     """`collide` for particles [first, last), which meet the same colliders; for the cores of those that are `soft`. `rubs`:
     colliders with friction of those that turn, and rolling friction."""
@@ -165,9 +191,7 @@ def _collide(
                     way, known = way_between(begun, q, hi), quick(rebounds, begun, q, hi)
                     late = None if rebounds is None else lateness(way, hi, known)
                     on = BentRecord(way.turn, way.bend, late)
-                    r, _, outcome, hit, exhausted, struck = trace(
-                        on, Newtonian(), (), contacts, begun, hi, ()
-                    )
+                    r, outcome, hit, exhausted, struck = _followed(on, contacts, begun, q, hi, kept, i)
                     if rebounds is not None:
                         rebounds.lies[i] = struck != BOUNCED
                         landed = (struck == LANDED) & (rebounds.begun != 0)

@@ -102,7 +102,8 @@ class Work(NamedTuple):
     [stages, 6, n], and, for each thread its own, forces of bonds [3, chunk] and error estimates [estimates, 6, chunk]. Where
     particles spin there are as many rows again of the first three: torques, angles and angular velocities. `system`: the
     equations of implicit methods; `radau`: the polynomials of IAS15; `orbits`: those of WHFast; None for other methods.
-    `rebounds`: where what bounces is known to give no energy (`rebounds`), else None."""
+    `rebounds`: where what bounces is known to give no energy (`rebounds`), else None; `again`: what the last step of hard
+    grains has led to (`again`) [n, 20], else None."""
 
     force: Any
     before: Any
@@ -113,6 +114,7 @@ class Work(NamedTuple):
     radau: Any = None
     orbits: Any = None
     rebounds: Any = None
+    again: Any = None
 
 
 class Share(NamedTuple):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.engine.constraints.constraint import Constraint
+from particlesim.engine.coupled.again import COLUMNS, worthwhile
 from particlesim.engine.coupled.gauss_radau import new_room
 from particlesim.engine.coupled.wisdom_holman import new_orbits
 from particlesim.engine.coupled.workspace import Part, Share, Work, new_rebounds, scratch, share_out
@@ -76,6 +77,8 @@ class Layout:
             late = room is not None and room.old > 0
             if late or (any(map(bounces, self.parts)) and (hard == 0 or hard < len(interactions))):
                 self.work = self.work._replace(rebounds=room)
+            if hard > 0 and any(worthwhile(part.contacts) for part in self.parts):
+                self.work = self.work._replace(again=np.zeros((self.count, COLUMNS)))
         if isinstance(self._method, GaussRadauMethod):
             self.work = self.work._replace(radau=new_room(whole.memory[:, : self.count]))
         if isinstance(self._method, WisdomHolmanMethod):

@@ -46,6 +46,7 @@ from particlesim.engine.interactions.hard.apart import (
     shift_from_walls,
     shift_pairs,
 )
+from particlesim.engine.interactions.hard.asleep import asleep_by, let_sleep, nobody_sleeps, wake_all
 from particlesim.engine.interactions.hard.at_once import GIVEN, NUMBER, choose, find, rates
 from particlesim.engine.interactions.hard.bench import COUNT, NEAR, WANTED, WIDE, Bench, new_bench
 from particlesim.engine.interactions.hard.memory import (
@@ -127,6 +128,7 @@ class ImpulseColumns(NamedTuple):
     report: Any
     fed: Any
     known: Known
+    asleep: Any
     ways: Ways
     side: Any
     heard: Overheard | None = None
@@ -140,7 +142,12 @@ class Impulses(NearLists, ImpulseColumns):
     concludes: ClassVar[bool] = True
     looks_back: ClassVar[bool] = True
     hastens: ClassVar[bool] = True
-    follows: ClassVar[frozenset[str]] = frozenset(ImpulseColumns._fields) - {"report", "fed", "known"}
+    follows: ClassVar[frozenset[str]] = frozenset(ImpulseColumns._fields) - {
+        "report",
+        "fed",
+        "known",
+        "asleep",
+    }
 
     def add_forces(self, c: Any, total: Any, first: Any, last: Any, t: Any) -> None:
         pass
@@ -192,14 +199,22 @@ class Impulses(NearLists, ImpulseColumns):
         assert isinstance(before, Impulses)
         self.fed[:] = before.fed
         known = known_by(before.known, place, self.bench.mark.size, self.known.partner.size)
-        return self._replace(known=known)._with_room(before.bench.rows.shape[1], before.bench.wall.size)
+        asleep = asleep_by(before.asleep, place, self.bench.mark.size)
+        return self._replace(known=known, asleep=asleep)._with_room(
+            before.bench.rows.shape[1], before.bench.wall.size
+        )
 
     def among(self, rows: Ints, place: Ints) -> Self:
         known = known_by(self.known, place, rows.size, self.known.partner.size)
         return (
             super()
             .among(rows, place)
-            ._replace(known=known, side=self.side[rows], heard=self._heard_among(rows))
+            ._replace(
+                known=known,
+                asleep=asleep_by(self.asleep, place, rows.size),
+                side=self.side[rows],
+                heard=self._heard_among(rows),
+            )
         )
 
     def _heard_among(self, rows: Ints) -> Overheard | None:
@@ -211,6 +226,7 @@ class Impulses(NearLists, ImpulseColumns):
         known = known_by(there.known, rows, rows.size, self.known.partner.size)
         for mine, theirs in zip(there_is(self.known), there_is(known), strict=True):
             mine[:] = theirs
+        self.asleep[:, rows] = there.asleep
 
     @property
     def slack(self) -> float:
@@ -225,10 +241,10 @@ class Impulses(NearLists, ImpulseColumns):
         return int(self.fed[1])
 
     def changing(self) -> tuple[Floats, ...]:
-        return (self.fed, *there_is(self.known))
+        return (self.fed, self.asleep, *there_is(self.known))
 
     def with_changed(self, arrays: Sequence[Floats]) -> Self:
-        return self._replace(fed=arrays[0], known=Known(*arrays[1:]))
+        return self._replace(fed=arrays[0], asleep=arrays[1], known=Known(*arrays[2:]))
 
     def force_on(self, c: Any, row: int, t: float) -> Floats:
         return np.zeros(3)
@@ -316,6 +332,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
         leave_walls(each, parts, c, t, deepest)
         if far > FAR:
             put_out(each, parts, c, t)
+        let_sleep(each, parts, c, before, walls, t, h)
         # not what steps take away from overlaps, and forces bring back
         most = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
         book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), most))
@@ -323,6 +340,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     else:
         put_out_of_bodies(each.ways.obstacles, parts, c, t)
         remember(each, walls)
+        wake_all(each)
 
 
 @outlined
@@ -379,7 +397,9 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
         sides_of(found.near, count),
     )
     heard = overheard_of(site, pairs.groups)
-    return Impulses(*found, bench, np.zeros(3, np.int64), np.zeros(2), known, ways, side, heard)
+    return Impulses(
+        *found, bench, np.zeros(3, np.int64), np.zeros(2), known, nobody_sleeps(count), ways, side, heard
+    )
 
 
 def sides_of(near: Neighbours, count: int) -> Ints:

@@ -1,0 +1,146 @@
+"""Hard grains that only tremble come to rest, and wake up as soon as something changes; what moves slowly goes on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate import G, points, table, way
+
+import particlesim as ps
+
+R = 0.01
+"""The radius of the marbles [m]."""
+WEIGHT = ("0", f"-m*{G}", "0")
+
+
+def planes(*normals: tuple[float, float, float], friction: float = 0.0) -> list[dict[str, Any]]:
+    rubs = {"friction": friction} if friction else {}
+    return [{"type": "plane", "normal": list(n), "restitution": 0.3, **rubs} for n in normals]
+
+
+def pyramid(sides: int, friction: float = 0.0) -> list[dict[str, Any]]:
+    """One that stands on its tip, whose sides are 50° steep."""
+    up, out = np.cos(np.radians(50)), np.sin(np.radians(50))
+    around = 2 * np.pi * np.arange(sides) / sides + 0.3
+    return planes(*((out * np.cos(a), up, out * np.sin(a)) for a in around.tolist()), friction=friction)
+
+
+def marbles(*places: tuple[float, float, float], **more: Any) -> dict[str, Any]:
+    return points(*places, radius=R, density=2500.0, name="marbles", **more)
+
+
+def touching(friction: float = 0.0) -> list[dict[str, Any]]:
+    rubs = {"friction": friction} if friction else {}
+    return [{"type": "contact", "on": ["marbles"], "model": "impulse", "restitution": 0.3, **rubs}]
+
+
+def fallen(
+    duration: float, sides: int, friction: float, force: tuple[str, ...], method: str, every: int
+) -> Any:
+    """Frames of two marbles that fall into a pyramid."""
+    return ps.run(
+        ps.from_table(
+            table(
+                duration,
+                1e-3,
+                method,
+                particles=[marbles((0.004, 0.05, 0.003), (-0.006, 0.08, 0.002))],
+                colliders=pyramid(sides, friction),
+                interactions=touching(friction),
+                forces=[{"type": "field", "force": list(force)}],
+                output={"every": every},
+            )
+        )
+    )
+
+
+@pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler", "stormer_verlet"])
+@pytest.mark.parametrize(("sides", "friction"), [(4, 0.0), (4, 0.4), (5, 0.3)])
+def test_marbles_in_the_tip_of_a_pyramid_come_to_rest_to_the_last_bit(
+    sides: int, friction: float, method: str
+) -> None:
+    """They had trembled there by 10⁻⁷ m with 0.05 to 0.2 g h for ever."""
+    found = fallen(1.5, sides, friction, WEIGHT, method, 50)
+    late = found.final.position
+    # with velocities that are half a step behind places, both are put together anew in every step
+    rounding = 0 if method == "velocity_verlet" else 1e-15
+    assert np.abs(found.final.velocity).max() <= rounding
+    before = fallen(1.4, sides, friction, WEIGHT, method, 50)
+    assert np.abs(before.final.position - late).max() <= rounding
+
+
+def test_they_wake_up_as_soon_as_their_weight_changes() -> None:
+    """From 1.5 s on it fades, and after 2.5 s it lifts them: by G a³/6 a later, as nothing holds them."""
+    force = f"-m*{G}*(1 - max(t - 1.5, 0))"
+    found = fallen(2.7, 4, 0.0, ("0", force, "0"), "velocity_verlet", 2700)
+    begun = fallen(1.5, 4, 0.0, ("0", force, "0"), "velocity_verlet", 1500)
+    assert np.abs(begun.final.velocity).max() == 0
+    rise = found.final.position[:, 1] - begun.final.position[:, 1]
+    # What lies lags behind by a few steps at most, and rises by what holds it loosely at the end: R/1000.
+    assert rise == pytest.approx(np.full(2, G * 0.2**3 / 6), rel=0.03, abs=1e-3 * R)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("slope", [1e-4, 1e-2])
+def test_what_slips_slowly_goes_on(slope: float, friction: float) -> None:
+    """Two that touch, one beside the other: G sin α, and 5/7 of it where they roll."""
+    n = (np.sin(slope), np.cos(slope), 0.0)
+    found = ps.run(
+        ps.from_table(
+            table(
+                1.5,
+                1e-3,
+                particles=[marbles((R * n[0], R * n[1], 0), (R * n[0], R * n[1], 2 * R))],
+                colliders=planes(n, friction=friction),
+                interactions=touching(friction),
+                forces=[{"type": "gravity"}],
+            )
+        )
+    )
+    along = found.final.position[:, 0] - R * n[0]
+    want = 0.5 * G * n[0] * n[1] * 1.5**2 * (5 / 7 if friction else 1)
+    assert along == pytest.approx(np.full(2, want), rel=1e-3)
+
+
+@pytest.mark.parametrize("height", [1e-5, 1e-3])
+def test_what_swings_gently_swings_on(height: float) -> None:
+    """Two that touch in a trough, as far as 10⁻⁵ m from its middle, where the speed is 0.01 g h: they turn round there."""
+    trough = {"type": "cylinder", "start": [0, 0, -1], "end": [0, 0, 1], "radius": 0.1, "inside": True}
+    low, angle = 0.09, height / 0.09
+    place = (low * np.sin(angle), -low * np.cos(angle))
+    x, _ = way(
+        5,
+        4.0,
+        1e-3,
+        "velocity_verlet",
+        particles=[marbles((*place, 0.0), (*place, 2 * R))],
+        colliders=[{**trough, "restitution": 0.3}],
+        interactions=touching(),
+        forces=[{"type": "gravity"}],
+    )
+    # 6.6 swings, seen every 5 ms of a period of 0.6 s: (2π 5/600)²/8 of the amplitude are missed at most.
+    assert np.abs(x[-120:, :, 0]).max() == pytest.approx(height, rel=1e-3)
+
+
+def test_one_that_falls_on_them_wakes_them_up() -> None:
+    """A heavy one throws out what lies in the pyramid; it had to be noticed on the first touch."""
+    found = ps.run(
+        ps.from_table(
+            table(
+                1.6,
+                1e-3,
+                particles=[
+                    marbles((0.004, 0.05, 0.003), (-0.006, 0.08, 0.002), (0.002, 7.5, 0.001)),
+                ],
+                colliders=pyramid(4),
+                interactions=touching(),
+                forces=[{"type": "gravity"}],
+                output={"every": 40},
+            )
+        )
+    )
+    assert found.final.velocity is not None
+    speeds = np.linalg.norm(found.final.velocity, axis=1)
+    assert np.all(speeds > 0)
