@@ -82,46 +82,78 @@ def test_they_wake_up_as_soon_as_their_weight_changes() -> None:
     assert rise == pytest.approx(np.full(2, G * 0.2**3 / 6), rel=0.03, abs=1e-3 * R)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-@pytest.mark.parametrize("slope", [1e-4, 1e-2])
-def test_what_slips_slowly_goes_on(slope: float, friction: float) -> None:
-    """Two that touch, one beside the other: G sin α, and 5/7 of it where they roll."""
-    n = (np.sin(slope), np.cos(slope), 0.0)
-    found = ps.run(
-        ps.from_table(
-            table(
-                1.5,
-                1e-3,
-                particles=[marbles((R * n[0], R * n[1], 0), (R * n[0], R * n[1], 2 * R))],
-                colliders=planes(n, friction=friction),
-                interactions=touching(friction),
-                forces=[{"type": "gravity"}],
-            )
-        )
+GROOVE = planes((0, 0.5**0.5, 0.5**0.5), (0, 0.5**0.5, -(0.5**0.5)))
+"""One along x, whose two sides press marbles that lie side by side on each other."""
+
+
+def groove(pull: str, duration: float = 3.0, every: int = 10) -> Any:
+    """Places and velocities along it of two marbles that touch each other, and what pulls them."""
+    x, v = way(
+        every,
+        duration,
+        1e-3,
+        "velocity_verlet",
+        particles=[marbles((0, (1 + 2**0.5) * R, -R), (0, (1 + 2**0.5) * R, R))],
+        colliders=GROOVE,
+        interactions=touching(),
+        forces=[{"type": "field", "force": [pull, f"-m*{G}", "0"]}],
     )
-    along = found.final.position[:, 0] - R * n[0]
-    want = 0.5 * G * n[0] * n[1] * 1.5**2 * (5 / 7 if friction else 1)
-    assert along == pytest.approx(np.full(2, want), rel=1e-3)
+    return x[:, :, 0], v[:, :, 0]
 
 
-@pytest.mark.parametrize("height", [1e-5, 1e-3])
-def test_what_swings_gently_swings_on(height: float) -> None:
-    """Two that touch in a trough, as far as 10⁻⁵ m from its middle, where the speed is 0.01 g h: they turn round there."""
+@pytest.mark.parametrize("part", [1e-5, 1e-3])
+def test_what_is_pulled_ever_so_little_goes_off(part: float) -> None:
+    """From 1 s on, with less than what a cluster that sleeps notices of its steps: another force wakes it up."""
+    x, _ = groove(f"{part}*m*{G}*min(max((t - 1)*1e6, 0), 1)")
+    assert x[-1] == pytest.approx(np.full(2, 0.5 * part * G * 2.0**2), rel=2e-3)
+
+
+@pytest.mark.parametrize("steps", [20, 40])
+def test_what_is_shaken_goes_as_far_as_free(steps: int) -> None:
+    """By a force that changes with time, to and fro: put to rest at any time, it would drift from then on."""
+    part, turn = 0.1, 2 * np.pi / (steps * 1e-3)
+    _, v = groove(f"{part}*m*{G}*cos({turn}*t)", every=1)
+    assert np.abs(v).max() == pytest.approx(part * G / turn, rel=2e-2)
+
+
+def test_what_creeps_goes_on() -> None:
+    """In honey, by a tenth of a micrometre a second."""
+    n = (np.sin(1e-3), np.cos(1e-3), 0.0)
+    honey = 6 * np.pi * 1000.0 * R
+    x, _ = way(
+        100,
+        2.0,
+        1e-3,
+        "backward_euler",
+        particles=[marbles((R * n[0], R * n[1], 0), (R * n[0], R * n[1], 2 * R - 1e-6))],
+        colliders=planes(n),
+        interactions=touching(),
+        forces=[{"type": "gravity"}, {"type": "linear_drag", "coefficient": honey}],
+    )
+    mass = 2500.0 * 4 / 3 * np.pi * R**3
+    assert x[-1, :, 0] - x[-11, :, 0] == pytest.approx(np.full(2, mass * G * n[0] * n[1] / honey), rel=1e-2)
+
+
+@pytest.mark.parametrize(("height", "steps"), [(1e-5, 600), (4e-3, 24), (4e-3, 60)])
+def test_what_swings_swings_on(height: float, steps: int) -> None:
+    """Two that touch in a trough, as far as 10⁻⁵ m from its middle, where the speed is 0.01 g h. They come back once in each
+    swing of so many steps."""
     trough = {"type": "cylinder", "start": [0, 0, -1], "end": [0, 0, 1], "radius": 0.1, "inside": True}
     low, angle = 0.09, height / 0.09
-    place = (low * np.sin(angle), -low * np.cos(angle))
+    place, period = (low * np.sin(angle), -low * np.cos(angle)), 2 * np.pi * np.sqrt(low / G)
     x, _ = way(
-        5,
-        4.0,
-        1e-3,
+        1,
+        20 * period,
+        period / steps,
         "velocity_verlet",
         particles=[marbles((*place, 0.0), (*place, 2 * R))],
         colliders=[{**trough, "restitution": 0.3}],
         interactions=touching(),
         forces=[{"type": "gravity"}],
     )
-    # 6.6 swings, seen every 5 ms of a period of 0.6 s: (2π 5/600)²/8 of the amplitude are missed at most.
-    assert np.abs(x[-120:, :, 0]).max() == pytest.approx(height, rel=1e-3)
+    late = x[-steps - 1 :, :, 0]  # of the largest place (π/steps)²/2 is missed between two steps
+    assert np.abs(late).max() == pytest.approx(height, rel=0.5 * (np.pi / steps) ** 2 + 1e-3)
+    assert late.min() < 0 < late.max()
 
 
 def test_one_that_falls_on_them_wakes_them_up() -> None:

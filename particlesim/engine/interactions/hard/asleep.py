@@ -4,13 +4,17 @@ Turns find the impulses of a step up to a part of what forces do in it. In narro
 is left is never the same twice, and grains would go to and fro by that for ever. So a cluster falls asleep if all of it
 
 - stands on something at rest, and is no faster than twice what forces change velocities by in a step, u = h |F|/m,
-- comes back eight times, in 16 to 64 steps each: ends nearer than h u, and than an eighth of its path, to where it began.
-  What slides or rolls is at the end of its path then, and what swings comes back once, where it turns round,
+- stays within h u of where it was, and comes back there eight times, in 16 to 64 steps each, up to an eighth of its path,
+  and up to a 32th in the end: what slides or rolls, however slowly, is at the end of its path,
+- jerks: its displacements change from step to step by more than half of themselves. What swings does not, in ten steps or
+  more for each swing,
 - trembles, if it turns: a top, whose place is still, goes on,
 
 and then is slower than 0.3 u. From then on each step is tried as all others are, and taken back: grains stay where they are,
 at rest. What contacts are given goes on from step to step (`memory`), until all steps are the same. After that the first one
-that differs by 10⁻³ u, as forces, a neighbour, or a collider have changed, wakes the cluster up. Elastic grains never sleep.
+wakes it up in which a grain would go otherwise by 10⁻³ u. So does the first in which the force on a grain is another one, by
+a bit: forces that change with time let nothing sleep. Elastic grains never do, nor those on which something else acts than
+fields of forces and hard contacts, such as springs.
 """
 
 from __future__ import annotations
@@ -22,27 +26,41 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import STANDS, root
 from particlesim.engine.interactions.hard.bench import COUNT, FASTER, OWN, PAIRED
+from particlesim.engine.interactions.hard.ways import ALONE
 from particlesim.engine.interactions.interaction import Floats, Ints
 from particlesim.engine.state.columns import fetch, let_know
-from particlesim.laws.registry import force
+from particlesim.laws.registry import force, moved_to
 
-STEPS, PATH, AWAY, RETURNS, LEAST, MOST, ROWS = 0, 1, 2, 5, 6, 7, 8
-"""Rows of what is kept of particles: steps since they have come back, the path since then, and how far that has led [3] [m];
-how often they have come back, calm, and, after that, how many steps have been taken back; and the least and the largest
-unrest, over u, of those, 0 of what is awake."""
+STEPS, PATH, AWAY, RETURNS, LEAST, MOST, LAST, WHOLE, JERKS, FORCES, ROWS = (
+    0,
+    1,
+    2,
+    5,
+    6,
+    7,
+    8,
+    11,
+    12,
+    13,
+    16,
+)
+"""Rows of what is kept of particles: steps and path since they have come back, and how far they are from where they were at
+first [3] [m]; how often they have come back, and more than `OFTEN` of what sleeps: with the steps that were taken back; the
+least and the fastest motion in those [m/s]; the last displacement [3], the path from the first on, and how much
+displacements have changed from step to step on it [m]; the last kick of forces [3] [m/s]."""
 UNREST, KICK, CALM = 3, 4, 5
 """Rows of `Bench.start` that are free when impulses have been given, of the particle that stands for a cluster: its fastest
 motion and u [m/s]; how often all of it has come back."""
 SOON, LATE = 16, 64
 """Steps after which something comes back at the earliest, and at the latest."""
-OFTEN, DOZES, SLEEPS = 8, 40, 72
+OFTEN, DOZES, SLEEPS, NEVER = 8, 40, 72, -1000
 """How often something comes back before it sleeps; with the steps that are taken back then, from which on these are kept in
-mind, and from which on one that differs from those wakes it up."""
+mind, and from which on one that differs from those wakes it up; how often it has come back when changing forces wake it."""
 CALMLY, QUIETLY, NOTICED = 2.0, 0.3, 1e-3
 """Speeds over u up to which a cluster is calm, and up to which it sleeps; by how much a step differs that wakes it up."""
-TO_AND_FRO, NOWHERE, TREMBLES = 0.125, 1e-3, 0.01
-"""How far from where it began something ends that comes back, as a part of its path, or of h u; and from which path on, over
-h u, it trembles."""
+TO_AND_FRO, AT_LAST, JERKY, TREMBLES, ROUNDED = 0.125, 1 / 32, 0.5, 0.01, 1e-9
+"""How far from where it was something is that has come back, as a part of its path, and of all of it before it sleeps; how
+much displacements change that jerk, as a part of them; the path of what trembles, over h u, and of rounding, in radii."""
 
 
 def nobody_sleeps(particles: int) -> Floats:
@@ -57,17 +75,22 @@ def asleep_by(asleep: Floats, place: Ints, particles: int) -> Floats:
     return found
 
 
+def sleeps(kept: Any, i: Any) -> Any:
+    """Whether the steps of a particle are taken back."""
+    return kept[RETURNS, i] > OFTEN
+
+
 # Kernels
 
 
 def let_sleep(each: Any, parts: Any, c: Any, before: Any, walls: Any, t: Any, h: Any) -> None:
     """Take back what a step has done to what sleeps, and let sleep what may."""
-    if each.law.restitution < 1:
+    if (each.law.restitution < 1) & (each.ways.number[ALONE] > 0):
         look_at_unrest(each, c, before, walls, h)
         for part in parts:
-            note_kicks(each, part.forces, c, part.first, part.last, t, h)
+            note_kicks(each, part.forces, c, before, part.first, part.last, t, h)
         note_calm(each, c, before, h)
-        take_back_steps(each, c, before)
+        take_back_steps(each, c, before, h)
 
 
 @outlined
@@ -111,28 +134,39 @@ def _motion(c: Any, before: Any, i: Any, h: Any) -> float:
     """How fast a particle is, has gone in the step, or turns [m/s]."""
     x, y, z = float(c.x[i] - before[0, i]), float(c.y[i] - before[1, i]), float(c.z[i] - before[2, i])
     u, v, w = float(c.vx[i]), float(c.vy[i]), float(c.vz[i])
-    most = max((x * x + y * y + z * z) / (h * h), u * u + v * v + w * w)
-    if c.spin is not None:
-        r = float(c.r[i])
-        u, v, w = r * float(c.spin.wx[i]), r * float(c.spin.wy[i]), r * float(c.spin.wz[i])
-        most = max(most, u * u + v * v + w * w)
-    return np.sqrt(most)
+    return max(size(x, y, z) / h, size(u, v, w), _turning(c, i))
+
+
+def _turning(c: Any, i: Any) -> float:
+    """How fast the surface of a particle turns [m/s]."""
+    if c.spin is None:
+        return 0.0
+    return float(c.r[i]) * size(float(c.spin.wx[i]), float(c.spin.wy[i]), float(c.spin.wz[i]))
+
+
+def size(x: Any, y: Any, z: Any) -> Any:
+    """The length of a vector."""
+    return np.sqrt(x * x + y * y + z * z)
 
 
 @outlined
-def note_kicks(each: Any, forces: Any, c: Any, first: Any, last: Any, t: Any, h: Any) -> None:
-    """By how much forces change velocities in a step, at most in a cluster."""
-    mark, s, cluster = each.bench.mark, each.bench.start, each.bench.desk.cluster
+def note_kicks(each: Any, forces: Any, c: Any, before: Any, first: Any, last: Any, t: Any, h: Any) -> None:
+    """By how much forces change velocities in a step where it begins, at most in a cluster; where they are others than
+    before nothing sleeps."""
+    mark, s, cluster, kept = each.bench.mark, each.bench.start, each.bench.desk.cluster, each.asleep
     for i in range(first, last):
         if ((mark[i] & PAIRED) != 0) & (each.a[i] > 0):
-            x, y, z = force(forces, fetch(c, i, t)) if len(forces) > 0 else (0.0, 0.0, 0.0)
-            kick = (
-                h
-                * float(each.a[i])
-                * np.sqrt(float(x) * float(x) + float(y) * float(y) + float(z) * float(z))
-            )
-            at = root(cluster, i)
-            s[KICK, at] = max(s[KICK, at], kick)
+            x, y, z, u, v, w = (before[row, i] for row in range(6))
+            p = moved_to(fetch(c, i, t), x, y, z, u, v, w, t)
+            f = force(forces, p) if len(forces) > 0 else (0.0, 0.0, 0.0)
+            kick, same, at = h * float(each.a[i]), True, root(cluster, i)
+            for axis in range(3):
+                now = kick * float(f[axis])
+                same = same & (kept[FORCES + axis, i] == now)
+                kept[FORCES + axis, i] = now
+            s[KICK, at] = max(s[KICK, at], size(kept[FORCES, i], kept[FORCES + 1, i], kept[FORCES + 2, i]))
+            if sleeps(kept, i) & (kept[RETURNS, i] > OFTEN + 1) & (not same):
+                s[CALM, at] = NEVER
 
 
 @outlined
@@ -143,75 +177,72 @@ def note_calm(each: Any, c: Any, before: Any, h: Any) -> None:
         if ((mark[i] & PAIRED) != 0) & (each.a[i] > 0):
             at = root(cluster, i)
             if not s[UNREST, at] <= CALMLY * s[KICK, at]:
-                _wake(kept, i)
-            elif kept[MOST, i] == 0:
+                _wake(kept, i, 0.0)
+            elif not sleeps(kept, i):
                 _go_on(kept, c, before, i)
-                if (kept[STEPS, i] >= SOON) & _returns(kept, c, i, s[KICK, at], h):
+                far = size(kept[AWAY, i], kept[AWAY + 1, i], kept[AWAY + 2, i])
+                if (far > h * s[KICK, at]) | (kept[STEPS, i] >= LATE):
+                    _wake(kept, i, min(kept[RETURNS, i], 0.0))
+                elif (kept[STEPS, i] >= SOON) & _returns(kept, c, i, far, s[KICK, at], h):
                     kept[RETURNS, i] = min(kept[RETURNS, i] + 1.0, OFTEN)
-                    _begin(kept, i)
-                elif kept[STEPS, i] >= LATE:
-                    _wake(kept, i)
+                    kept[STEPS, i] = kept[PATH, i] = 0.0
             s[CALM, at] = min(s[CALM, at], kept[RETURNS, i])
 
 
-def _wake(kept: Any, i: Any) -> None:
-    """Forget what is kept of a particle."""
-    for row in range(ROWS):
+def _wake(kept: Any, i: Any, returns: Any) -> None:
+    """Begin to look at the way of a particle, as one that has come back so often."""
+    for row in range(FORCES):
         kept[row, i] = 0.0
-
-
-def _begin(kept: Any, i: Any) -> None:
-    """Look at the way of a particle from here on."""
-    for row in range(RETURNS):
-        kept[row, i] = 0.0
+    kept[RETURNS, i] = returns
 
 
 def _go_on(kept: Any, c: Any, before: Any, i: Any) -> None:
     """Add a step to the way of a particle."""
-    square = 0.0
+    far, jerk = 0.0, 0.0
     for axis, now in enumerate((c.x, c.y, c.z)):
-        far = float(now[i] - before[axis, i])
-        kept[AWAY + axis, i] += far
-        square += far * far
-    kept[PATH, i] += np.sqrt(square)
+        way = float(now[i] - before[axis, i])
+        jerk += (way - kept[LAST + axis, i]) * (way - kept[LAST + axis, i])
+        far += way * way
+        kept[AWAY + axis, i] += way
+        kept[LAST + axis, i] = way
+    kept[PATH, i] += np.sqrt(far)
+    kept[WHOLE, i] += np.sqrt(far)
+    kept[JERKS, i] += np.sqrt(jerk)
     kept[STEPS, i] += 1.0
 
 
-def _returns(kept: Any, c: Any, i: Any, u: Any, h: Any) -> bool:
-    """Whether the way of a particle has led nowhere, and whether it turns only as it trembles."""
-    x, y, z, most = kept[AWAY, i], kept[AWAY + 1, i], kept[AWAY + 2, i], h * u
-    far, path = np.sqrt(x * x + y * y + z * z), kept[PATH, i]
-    still = True
-    if c.spin is not None:
-        x, y, z = float(c.spin.wx[i]), float(c.spin.wy[i]), float(c.spin.wz[i])
-        still = float(c.r[i]) * np.sqrt(x * x + y * y + z * z) <= NOWHERE * u
-    returns = (far <= min(TO_AND_FRO * path, most)) | (far <= NOWHERE * most)
-    return returns & (still | (path > TREMBLES * most))
+def _returns(kept: Any, c: Any, i: Any, far: Any, u: Any, h: Any) -> bool:
+    """Whether a particle that is `far` from where it was has come back by jerks, and turns only as it trembles."""
+    path, least = kept[PATH, i], ROUNDED * float(c.r[i])
+    turns = (path <= TREMBLES * h * u) & (_turning(c, i) > NOTICED * u)
+    returns = (far <= TO_AND_FRO * path) & (kept[JERKS, i] >= JERKY * kept[WHOLE, i])
+    if kept[RETURNS, i] + 1 >= OFTEN:
+        returns &= far <= AT_LAST * kept[WHOLE, i]
+    return (returns | (kept[WHOLE, i] <= least)) & (not turns)
 
 
 @outlined
-def take_back_steps(each: Any, c: Any, before: Any) -> None:
+def take_back_steps(each: Any, c: Any, before: Any, h: Any) -> None:
     """Put back what sleeps; what something has disturbed is awake."""
     mark, s, cluster, kept = each.bench.mark, each.bench.start, each.bench.desk.cluster, each.asleep
     for i in range(mark.size):
         if ((mark[i] & PAIRED) != 0) & (each.a[i] > 0):
             at = root(cluster, i)
-            unrest, u = s[UNREST, at], s[KICK, at]
-            other = (unrest < (kept[LEAST, i] - NOTICED) * u) | (unrest > (kept[MOST, i] + NOTICED) * u)
-            if (unrest > QUIETLY * u) | ((kept[RETURNS, i] >= SLEEPS) & other):
-                s[CALM, at] = 0.0
+            now, u = _motion(c, before, i, h), s[KICK, at]
+            other = (now < kept[LEAST, i] - NOTICED * u) | (now > kept[MOST, i] + NOTICED * u)
+            if (s[UNREST, at] > QUIETLY * u) | ((kept[RETURNS, i] >= SLEEPS) & other):
+                s[CALM, at] = min(s[CALM, at], 0.0)
     for i in range(mark.size):
         if ((mark[i] & PAIRED) != 0) & (each.a[i] > 0):
             at = root(cluster, i)
             if s[CALM, at] >= OFTEN:
-                unrest = s[UNREST, at] / s[KICK, at] + NOTICED
-                dozes = kept[RETURNS, i] < DOZES
-                kept[LEAST, i] = unrest if dozes else min(kept[LEAST, i], unrest)
-                kept[MOST, i] = unrest if dozes else max(kept[MOST, i], unrest)
+                now, dozes = _motion(c, before, i, h), kept[RETURNS, i] < DOZES
+                kept[LEAST, i] = now if dozes else min(kept[LEAST, i], now)
+                kept[MOST, i] = now if dozes else max(kept[MOST, i], now)
                 kept[RETURNS, i] = min(kept[RETURNS, i] + 1.0, SLEEPS)
                 _put_back(c, before, i)
-            elif kept[MOST, i] > 0:
-                _wake(kept, i)
+            elif sleeps(kept, i):
+                _wake(kept, i, min(s[CALM, at], 0.0))
 
 
 def _put_back(c: Any, before: Any, i: Any) -> None:

@@ -30,6 +30,7 @@ from particlesim.engine.interactions.hard.swept import FAST, around, box_way, bo
 from particlesim.engine.interactions.hard.thrown import bend_ways, size_of, unexplained
 from particlesim.engine.interactions.hard.walls_ahead import find_body, find_wall
 from particlesim.engine.interactions.hard.ways import (
+    ALONE,
     BEGUN,
     BEND,
     COLLIDER,
@@ -75,7 +76,7 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, 
     for each in sets:
         elastic = elastic | (each.law.restitution >= 1)
     if share.number == 0:
-        w.number[STRUCK] = 0
+        w.number[STRUCK], w.number[ALONE] = 0, 1 if alone else 0
         if w.obstacles is not None:
             type(w.obstacles).begin(w.obstacles)
         w.number[LAPS] = 0
