@@ -34,6 +34,9 @@ from particlesim.engine.interactions.hard.ways import (
 FAST = 0.5
 """Way of two relative to each other in a step, as a part of the sum of their radii, from which on they are followed: others
 overlap at its end if they meet."""
+HITS = 0.01
+"""How far two that meet would come into each other in a step, as a part of the sum of their radii, from which on they are
+followed where there are few members, if that is faster than what rests."""
 SLOW = 0.01
 """The same where one of them is followed anyway: below it, they lie on each other, or come that far into each other."""
 CLOSES, ROUNDING = 1e-9, 1e-12

@@ -7,7 +7,10 @@ and those whose impacts on rigid bodies are left to this, are followed along the
 the velocities that they have then, and are followed, whoever they are, also to colliders and to bodies. What colliders have
 thrown back more than once is followed from the beginning (`follow_anew`). Elastic ones on which forces act are followed at
 any speed: impacts at the end of a step do not know what forces have done until then, and nothing takes away what that gives.
-What else nobody hits keeps its bits, and where nobody is followed nothing is done but to look at that.
+Where there are few, all are that would come into each other by more than `HITS`: a blow on a row of them, as on the column
+that falls on the floor, would go on by one pair in each step else, while all behind it come nearer. Among many that takes
+ten times as long, and shorter steps less. What else nobody hits keeps its bits, and where nobody is followed nothing is done
+but to look at that.
 
 Ways are cut into laps, each as long as some spaces between particles, so that a particle is compared with what is near to it
 at about that time. Laps and boxes only say whom to compare: impacts do not depend on them, nor on the order of neighbours.
@@ -24,10 +27,19 @@ import numpy as np
 from particlesim.compiler import outlined, shared
 from particlesim.engine.barrier import meet, team_of
 from particlesim.engine.interactions.hard.blows import strike
-from particlesim.engine.interactions.hard.foreseen import follow_meeting, is_plain
+from particlesim.engine.interactions.hard.foreseen import at_rest, follow_meeting, is_plain
 from particlesim.engine.interactions.hard.rebounds import hit_wall, put_back
-from particlesim.engine.interactions.hard.swept import FAST, around, box_way, box_ways, find_next, part_of
+from particlesim.engine.interactions.hard.swept import (
+    FAST,
+    HITS,
+    around,
+    box_way,
+    box_ways,
+    find_next,
+    part_of,
+)
 from particlesim.engine.interactions.hard.thrown import bend_ways, size_of, unexplained
+from particlesim.engine.interactions.hard.walls import colliders_of
 from particlesim.engine.interactions.hard.walls_ahead import find_body, find_wall
 from particlesim.engine.interactions.hard.ways import (
     ALONE,
@@ -43,6 +55,7 @@ from particlesim.engine.interactions.hard.ways import (
     LAPS,
     LAW,
     LIES,
+    LIVELY,
     MEETING,
     PARTNER,
     SEEN,
@@ -63,6 +76,10 @@ from particlesim.engine.state.columns import let_know, type_of
 
 ANEW = 2
 """For HIT: that a particle has been followed anew, and nobody has hit it."""
+TURNS = 0.25
+"""By how much a way turns that has been thrown back for certain, as a part of it; along what is bent it turns less."""
+FEW = 256
+"""How many particles there are at most where all that come into each other are followed."""
 MOST_LAPS = 1000
 """Laps into which a step is cut at most."""
 
@@ -79,9 +96,11 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, 
         w.number[STRUCK], w.number[ALONE] = 0, 1 if alone else 0
         if w.obstacles is not None:
             type(w.obstacles).begin(w.obstacles)
-        w.number[LAPS] = 0
-        if elastic or some_swift(f, c, before):
-            w.number[LAPS] = 1
+        swift = some_swift(f, c, before, FAST)
+        lively = (not elastic) & (w.light.size <= FEW) & (not are_heard(parts))
+        lively = lively & (swift | some_swift(f, c, before, HITS))
+        w.number[LIVELY] = 1 if lively else 0
+        w.number[LAPS] = 1 if elastic | swift | lively else 0
     meet(share.gate, share.threads)
     if w.number[LAPS] > 0:
         begin_ways(f, sets[0].a, c, before, share, t, h)
@@ -105,6 +124,16 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, 
             put_back(w, sets[0].fed, parts, c, t, h)
         meet(share.gate, share.threads)
         conclude_ways(w, c, before, share)
+
+
+def are_heard(parts: Any) -> bool:
+    """Whether an emitter hears of impacts on some collider: those of what others push on it, which lies there, are none."""
+    return any(is_heard(part) for part in parts)
+
+
+def is_heard(part: Any) -> bool:
+    """Whether an emitter hears of the impacts of a group on some collider."""
+    return any(c.response.heard is not None for c in colliders_of(part))
 
 
 @outlined
@@ -131,8 +160,8 @@ def take_lap(f: Any, sets: Any, parts: Any, c: Any, t: Any, h: Any, high: Any) -
 
 
 @outlined
-def some_swift(f: Any, c: Any, before: Any) -> bool:
-    """Whether a member moves relative to the mean of all so far that it may pass another one unseen."""
+def some_swift(f: Any, c: Any, before: Any, part: Any) -> bool:
+    """Whether a member moves relative to the mean of all by more than a part of what lets it pass another one."""
     columns, number, least, mean = (c.x, c.y, c.z), 0, np.inf, (0.0, 0.0, 0.0)
     for i in range(c.x.size):
         if is_member(f.sides, i):
@@ -144,7 +173,7 @@ def some_swift(f: Any, c: Any, before: Any) -> bool:
     for i in range(c.x.size):
         if is_member(f.sides, i):
             d = tuple(float(columns[k][i]) - float(before[k, i]) - mean[k] for k in range(3))
-            size = 0.5 * FAST * (float(c.r[i]) + least)
+            size = 0.5 * part * (float(c.r[i]) + least)
             swift = swift | (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > size * size)
             if f.ways.obstacles is not None:
                 swift = swift | (f.ways.obstacles.left[i] > 0)
@@ -161,6 +190,7 @@ def choose(f: Any, alone: bool, h: Any, elastic: Any) -> int:
     """Choose those that are followed, and in how many laps: their mean way is at most half a space between particles long in
     each."""
     w, number, least, mean, widest, die = f.ways, 0, np.inf, (0.0, 0.0, 0.0), 0.0, False
+    lively, w.reach[5] = w.number[LIVELY] > 0, h
     low, high, total = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf), 0.0
     for i in range(w.light.size):
         if w.when[ENDS, i] > 0:
@@ -179,6 +209,11 @@ def choose(f: Any, alone: bool, h: Any, elastic: Any) -> int:
             pulled = (w.force[0, i] != 0) | (w.force[1, i] != 0) | (w.force[2, i] != 0)
             if elastic & pulled & (way > 0) & (w.what[FOLLOWED, i] == 0):
                 w.what[FOLLOWED, i] = MEETING if is_plain(w, i) and not is_unknown(w, i, alone) else 1
+            if lively & (way > 0.5 * HITS * (float(f.r[i]) + least)) & (w.what[FOLLOWED, i] == 0):
+                # what slides along colliders that bend would be thrown back by them, and lose speed
+                flies = (w.what[THROWN, i] != LIES) and not is_unknown(w, i, alone)
+                bounced = bent_by(w, i) > max(HITS * float(f.r[i]), at_rest(w, i), TURNS * way)
+                w.what[FOLLOWED, i] = (1 if bounced else MEETING) if flies else 0
             if w.obstacles is not None and w.obstacles.left[i] > 0:
                 w.what[FOLLOWED, i] = 1
             total += min(way, 1e300)
@@ -189,10 +224,10 @@ def choose(f: Any, alone: bool, h: Any, elastic: Any) -> int:
     space = max(high[0] - low[0], 0.0) * max(high[1] - low[1], 0.0) * max(high[2] - low[2], 0.0) / number
     laps = 2.0 * total / number / max(space ** (1.0 / 3.0), 4.0 * least)
     laps = int(min(max(laps, 1.0), float(MOST_LAPS)))
-    if elastic and (laps == 1) & (not die) & (least < np.inf):
+    if (elastic | lively) and (laps == 1) & (not die) & (least < np.inf):
         w.number[FORESEEN], w.reach[0], w.reach[1] = 1, widest, least
         w.reach[2], w.reach[3], w.reach[4] = mean
-    elif elastic:
+    elif elastic | lively:
         for i in range(w.light.size):
             w.what[FOLLOWED, i] = abs(w.what[FOLLOWED, i])
     return laps
@@ -236,6 +271,16 @@ def longest(w: Any, i: Any, mean: Any, alone: bool, h: Any) -> Any:
         for axis in range(3):
             way = float(h) * w.first[axis, i] - mean[axis]
             one += way * way
+    return np.sqrt(one)
+
+
+def bent_by(w: Any, i: Any) -> Any:
+    """By how much the way of a particle in a step differs before and after its bend [m]."""
+    if w.when[BEND, i] == STRAIGHT:
+        return 0.0
+    one, other = 0.0, tuple(w.on[axis, i] - w.go[axis, i] for axis in range(3))
+    for axis in range(3):
+        one += other[axis] * other[axis]
     return np.sqrt(one)
 
 

@@ -43,8 +43,9 @@ BENT = 0.5
 """How far the velocity of what slides may turn otherwise than its surface does, as a part of that."""
 ROUNDED = 2.0**-21
 """Rounding errors of speeds in single precision, as parts of them."""
-SAME_SIDE, OPPOSITE = 0.99, -0.5
-"""The cosine of the angle between two normals from which on they are of one side, and up to which of opposite ones."""
+SAME_SIDE, OTHER_SIDE, OPPOSITE = 0.99, 0.5, -0.5
+"""The cosine of the angle between two normals from which on they are of one side, up to which they are of different ones
+also where a surface bends, and up to which of opposite ones."""
 OUT, NEARER, MOST_TURNS_OUT = 1e-9, 0.9, 64
 """How deep in a collider counts as outside, as a part of the radius; how much less deep each turn makes it, at least, to be
 followed by another; and how many turns there are at most."""
@@ -113,6 +114,7 @@ def watch_wall(
                         end = list_corner(
                             each, rolling, collider, number, c, before, h, i, p, whole(n, g), end
                         )
+                        end = list_ahead(each, rolling, collider, number, c, before, h, i, p, q, end)
                 elif thrown_back(collider, before, h, i, p, g, whole(n, g)):
                     bench.mark[i] = PAIRED | THROWN
     return end
@@ -219,6 +221,38 @@ def list_corner(
             x, y, z = half * n[0], half * n[1], half * n[2]
         elif new & (g < far):
             x, y, z = x + far * m[0], y + far * m[1], z + far * m[2]
+    return end
+
+
+def list_ahead(
+    each: Any,
+    rolling: Any,
+    collider: Any,
+    number: Any,
+    c: Any,
+    before: Any,
+    h: Any,
+    i: Any,
+    p: Any,
+    first: Any,
+    end: Any,
+) -> Any:
+    """List the side of a collider that a particle would have come to in the step, and has been thrown back by, if it is not
+    among those that are known, from `first` on: beside the walls of a tube that is hardly wider its end is seen from nowhere
+    else."""
+    w, zero = each.bench.wall_normal, p.x - p.x
+    x, y, z = (before[axis, i] + h * before[3 + axis, i] for axis in range(3))
+    dx, dy, dz = p.x - x, p.y - y, p.z - z
+    far = dx * dx + dy * dy + dz * dz
+    if (far > zero) & (far < p.r * p.r):
+        g, axes = gap_and_normal(collider.shape, moved_to(p, x, y, z, p.vx, p.vy, p.vz, p.t))
+        m = whole(axes, g)
+        new = g < zero
+        for q in range(first, end):
+            new = new & (w[0, q] * m[0] + w[1, q] * m[1] + w[2, q] * m[2] < type_of(g, OTHER_SIDE))
+        g += dx * m[0] + dy * m[1] + dz * m[2]
+        if new and thrown_back(collider, before, h, i, p, g, m):
+            end = list_side(each, rolling, collider, number, c, before, h, i, p, g, m, end)
     return end
 
 

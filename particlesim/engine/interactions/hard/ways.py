@@ -35,9 +35,10 @@ SOMETHING, COLLIDER, LIES = 1, 2, 3
 higher than what lies."""
 MOST_IMPACTS = 64
 """Impacts of a particle in a step, after which it stays where it is until the end of the step."""
-STRUCK, LAPS, FORESEEN, ALONE = 0, 1, 2, 3
+STRUCK, LAPS, FORESEEN, ALONE, LIVELY = 0, 1, 2, 3, 4
 """In `number`: whether an impact has taken place in the step; in how many laps somebody is followed, 0 for nobody; whether
-lists are to tell who meets somebody; whether nothing but hard contacts acts between particles."""
+lists are to tell who meets somebody; whether nothing but hard contacts acts between particles; whether those are followed
+that come to others, and not only by others."""
 MEETING = -1
 """For FOLLOWED: that it is if it meets somebody."""
 STRAIGHT = 2.0
@@ -62,8 +63,8 @@ class Ways(NamedTuple):
     to goes in the step [m], with the normal there, and how often that body's way had
     changed then (`met` [7, n]).
 
-    The queue of impacts, numbers of the step [4]; how far members come in it at most relative to their mean, the smallest
-    radius, and that mean [5] [m]; by which part of a step velocities are late [1]. Of one
+    The queue of impacts, numbers of the step [5]; how far members come in it at most relative to their mean, the smallest
+    radius, that mean, and how long the step is [6] [m, s]; by which part of a step velocities are late [1]. Of one
     impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in
     space are neighbours [room], −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and
     the cell of each [n]. Boxes about the ways in that order and about eight of these each, and so on [6, nodes], and
@@ -125,8 +126,8 @@ def new_ways(particles: int, lag: float, obstacles: Any) -> Ways:
         obstacles,
         np.zeros((7, 0 if obstacles is None else particles)),
         new_queue(particles),
-        np.zeros(4, np.int64),
-        np.zeros(5),
+        np.zeros(5, np.int64),
+        np.zeros(6),
         np.array([lag]),
         np.zeros((4, 2)),
         np.zeros(levels[1], np.int64),
