@@ -15,16 +15,7 @@ import numpy as np
 
 from particlesim.compiler import outlined
 from particlesim.engine.barrier import meet
-from particlesim.engine.interactions.hard.swept import HITS
-from particlesim.engine.interactions.hard.ways import (
-    BEGUN,
-    BEND,
-    ENDS,
-    FOLLOWED,
-    LIVELY,
-    MEETING,
-    STRAIGHT,
-)
+from particlesim.engine.interactions.hard.ways import BEGUN, BEND, ENDS, FOLLOWED, MEETING, STRAIGHT
 from particlesim.engine.interactions.near_pairs import bring_up
 from particlesim.engine.interactions.neighbours.record import BEGUN_FAR, GROUP, SLICES, STALE, slice_of
 from particlesim.engine.interactions.neighbours.refresh import drift_of, drifts
@@ -34,8 +25,6 @@ from particlesim.engine.state.columns import in_step
 
 FAR = 0.5
 """How far members come, as a part of the skin, from which on lists are not valid all along their ways."""
-SURELY = 4.0
-"""In units of what forces give in a step, the speed of an impact that is one for certain: what rests has up to a half."""
 MARGIN = 1.001
 """By how much wider those are that may meet, for rounding."""
 
@@ -62,26 +51,8 @@ class Meeting(NamedTuple):
             q = tuple(d[axis] - since * g[axis] for axis in range(3))
             reach = MARGIN * (float(p.r1) + float(p.r2))
             near = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] <= reach * reach
-            if w.number[LIVELY] > 0:
-                near = near & (_closes(d, g, reach) > max(HITS * reach, at_rest(w, row), at_rest(w, other)))
-            if near | ((not is_plain(w, other)) & (w.number[LIVELY] == 0)):
+            if near | (not is_plain(w, other)):
                 w.what[FOLLOWED, row] = 1
-
-
-def at_rest(w: Any, i: Any) -> Any:
-    """How far what surely lies on something comes into it in a step at most [m]."""
-    x, y, z = w.force[0, i], w.force[1, i], w.force[2, i]
-    return SURELY * w.reach[5] * np.sqrt(x * x + y * y + z * z)
-
-
-def _closes(d: Any, g: Any, reach: Any) -> float:
-    """How much nearer two come along their line when they meet, at the pace of a whole step, on ways that are apart by d at
-    its end and by g less at its beginning [m]."""
-    square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2]
-    by = (d[0] * g[0] + d[1] * g[1] + d[2] * g[2]) / square if square > 0 else 0.0
-    q = tuple(d[axis] - by * g[axis] for axis in range(3))
-    deep = 1.0 - (q[0] * q[0] + q[1] * q[1] + q[2] * q[2]) / (reach * reach)
-    return np.sqrt(square * deep) if deep > 0 else 0.0
 
 
 def follow_meeting(sets: Any, w: Any, c: Any, share: Any, t: Any) -> None:

@@ -27,7 +27,7 @@ import numpy as np
 from particlesim.compiler import outlined, shared
 from particlesim.engine.barrier import meet, team_of
 from particlesim.engine.interactions.hard.blows import strike
-from particlesim.engine.interactions.hard.foreseen import at_rest, follow_meeting, is_plain
+from particlesim.engine.interactions.hard.foreseen import follow_meeting, is_plain
 from particlesim.engine.interactions.hard.rebounds import hit_wall, put_back
 from particlesim.engine.interactions.hard.swept import (
     FAST,
@@ -76,6 +76,8 @@ from particlesim.engine.state.columns import let_know, type_of
 
 ANEW = 2
 """For HIT: that a particle has been followed anew, and nobody has hit it."""
+SURELY = 4.0
+"""In units of what forces give in a step, the speed of an impact that is one for certain: what rests has up to a half."""
 TURNS = 0.25
 """By how much a way turns that has been thrown back for certain, as a part of it; along what is bent it turns less."""
 FEW = 256
@@ -190,7 +192,7 @@ def choose(f: Any, alone: bool, h: Any, elastic: Any) -> int:
     """Choose those that are followed, and in how many laps: their mean way is at most half a space between particles long in
     each."""
     w, number, least, mean, widest, die = f.ways, 0, np.inf, (0.0, 0.0, 0.0), 0.0, False
-    lively, w.reach[5] = w.number[LIVELY] > 0, h
+    lively = w.number[LIVELY] > 0
     low, high, total = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf), 0.0
     for i in range(w.light.size):
         if w.when[ENDS, i] > 0:
@@ -212,7 +214,7 @@ def choose(f: Any, alone: bool, h: Any, elastic: Any) -> int:
             if lively & (way > 0.5 * HITS * (float(f.r[i]) + least)) & (w.what[FOLLOWED, i] == 0):
                 # what slides along colliders that bend would be thrown back by them, and lose speed
                 flies = (w.what[THROWN, i] != LIES) and not is_unknown(w, i, alone)
-                bounced = bent_by(w, i) > max(HITS * float(f.r[i]), at_rest(w, i), TURNS * way)
+                bounced = bent_by(w, i) > max(HITS * float(f.r[i]), at_rest(w, i, h), TURNS * way)
                 w.what[FOLLOWED, i] = (1 if bounced else MEETING) if flies else 0
             if w.obstacles is not None and w.obstacles.left[i] > 0:
                 w.what[FOLLOWED, i] = 1
@@ -224,13 +226,55 @@ def choose(f: Any, alone: bool, h: Any, elastic: Any) -> int:
     space = max(high[0] - low[0], 0.0) * max(high[1] - low[1], 0.0) * max(high[2] - low[2], 0.0) / number
     laps = 2.0 * total / number / max(space ** (1.0 / 3.0), 4.0 * least)
     laps = int(min(max(laps, 1.0), float(MOST_LAPS)))
-    if (elastic | lively) and (laps == 1) & (not die) & (least < np.inf):
+    if lively:
+        follow_coming(f, h)
+    if elastic and (laps == 1) & (not die) & (least < np.inf):
         w.number[FORESEEN], w.reach[0], w.reach[1] = 1, widest, least
         w.reach[2], w.reach[3], w.reach[4] = mean
-    elif elastic | lively:
+    elif elastic:
         for i in range(w.light.size):
             w.what[FOLLOWED, i] = abs(w.what[FOLLOWED, i])
     return laps
+
+
+@outlined
+def follow_coming(f: Any, h: Any) -> None:
+    """Follow those of the MEETING that come into another member on straight ways."""
+    w = f.ways
+    for i in range(w.light.size):
+        if w.what[FOLLOWED, i] == MEETING:
+            for j in range(w.light.size):
+                if (j != i) & (w.when[ENDS, j] > 0) & (w.what[FOLLOWED, i] == MEETING):
+                    reach = float(f.r[i]) + float(f.r[j])
+                    if comes_in(f, i, j, reach) > max(HITS * reach, at_rest(w, i, h), at_rest(w, j, h)):
+                        w.what[FOLLOWED, i] = 1
+
+
+def comes_in(f: Any, i: Any, j: Any, reach: Any) -> float:
+    """How much nearer two come along their line when they meet, at the pace of a whole step; 0 if they do not [m]."""
+    w = f.ways
+    x, y = place_at(w, i, w.when[ENDS, i]), place_at(w, j, w.when[ENDS, j])
+    d, g = (x[0] - y[0], x[1] - y[1], x[2] - y[2]), tuple(w.go[axis, i] - w.go[axis, j] for axis in range(3))
+    if f.box is not None:
+        d = tuple(
+            x if period is None else x - period * np.rint(x / period)
+            for x, period in zip(d, f.box, strict=True)
+        )
+    square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2]
+    if square == 0:
+        return 0.0
+    nearest = (d[0] * g[0] + d[1] * g[1] + d[2] * g[2]) / square
+    since = min(max(nearest, 0.0), 1.0)
+    far, deep = 0.0, reach * reach
+    for axis in range(3):
+        far += (d[axis] - since * g[axis]) * (d[axis] - since * g[axis])
+        deep -= (d[axis] - nearest * g[axis]) * (d[axis] - nearest * g[axis])
+    return np.sqrt(square * deep) / reach if (far <= reach * reach) & (deep > 0) else 0.0
+
+
+def at_rest(w: Any, i: Any, h: Any) -> Any:
+    """How far what surely lies on something comes into it in a step at most [m]."""
+    return SURELY * h * size_of((w.force[0, i], w.force[1, i], w.force[2, i]))
 
 
 def follow_anew(f: Any, alone: bool, parts: Any, c: Any, t: Any, h: Any) -> None:

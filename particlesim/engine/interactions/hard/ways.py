@@ -64,7 +64,7 @@ class Ways(NamedTuple):
     changed then (`met` [7, n]).
 
     The queue of impacts, numbers of the step [5]; how far members come in it at most relative to their mean, the smallest
-    radius, that mean, and how long the step is [6] [m, s]; by which part of a step velocities are late [1]. Of one
+    radius, and that mean [5] [m]; by which part of a step velocities are late [1]. Of one
     impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in
     space are neighbours [room], −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and
     the cell of each [n]. Boxes about the ways in that order and about eight of these each, and so on [6, nodes], and
@@ -127,7 +127,7 @@ def new_ways(particles: int, lag: float, obstacles: Any) -> Ways:
         np.zeros((7, 0 if obstacles is None else particles)),
         new_queue(particles),
         np.zeros(5, np.int64),
-        np.zeros(6),
+        np.zeros(5),
         np.array([lag]),
         np.zeros((4, 2)),
         np.zeros(levels[1], np.int64),
