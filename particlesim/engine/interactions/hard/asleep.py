@@ -10,11 +10,11 @@ is left is never the same twice, and grains would go to and fro by that for ever
   more for each swing,
 - trembles, if it turns: a top, whose place is still, goes on,
 
-and then is slower than 0.3 u. From then on each step is tried as all others are, and taken back: grains stay where they are,
-at rest. What contacts are given goes on from step to step (`memory`), until all steps are the same. After that the first one
-wakes it up in which a grain would go otherwise by 10⁻³ u. So does the first in which the force on a grain is another one, by
-a bit: forces that change with time let nothing sleep. Elastic grains never do, nor those on which something else acts than
-fields of forces and hard contacts, such as springs.
+and then is slower than 0.3 u, but not at rest anyway (10⁻⁵ u). From then on each step is tried as all others are, and taken
+back: grains stay where they are, at rest. What contacts are given goes on from step to step (`memory`), until all steps are
+the same. After that the first one wakes it up in which a grain would go otherwise by 10⁻³ u. So does the first in which the
+force on a grain is another one, by a bit: forces that change with time let nothing sleep. Elastic grains never do, nor those
+on which something else acts than fields of forces and hard contacts, such as springs.
 """
 
 from __future__ import annotations
@@ -56,8 +56,9 @@ SOON, LATE = 16, 64
 OFTEN, DOZES, SLEEPS, NEVER = 8, 40, 72, -1000
 """How often something comes back before it sleeps; with the steps that are taken back then, from which on these are kept in
 mind, and from which on one that differs from those wakes it up; how often it has come back when changing forces wake it."""
-CALMLY, QUIETLY, NOTICED = 2.0, 0.3, 1e-3
-"""Speeds over u up to which a cluster is calm, and up to which it sleeps; by how much a step differs that wakes it up."""
+CALMLY, QUIETLY, CALMEST, NOTICED = 2.0, 0.3, 1e-5, 1e-3
+"""Speeds over u up to which a cluster is calm, up to which it sleeps, and up to which it has come to rest by itself; by how
+much a step differs that wakes it up."""
 TO_AND_FRO, AT_LAST, JERKY, TREMBLES, ROUNDED = 0.125, 1 / 32, 0.5, 0.01, 1e-9
 """How far from where it was something is that has come back, as a part of its path, and of all of it before it sleeps; how
 much displacements change that jerk, as a part of them; the path of what trembles, over h u, and of rounding, in radii."""
@@ -159,14 +160,17 @@ def note_kicks(each: Any, forces: Any, c: Any, before: Any, first: Any, last: An
             x, y, z, u, v, w = (before[row, i] for row in range(6))
             p = moved_to(fetch(c, i, t), x, y, z, u, v, w, t)
             f = force(forces, p) if len(forces) > 0 else (0.0, 0.0, 0.0)
-            kick, same, at = h * float(each.a[i]), True, root(cluster, i)
+            kick, same, at, other = h * float(each.a[i]), True, root(cluster, i), 0.0
             for axis in range(3):
                 now = kick * float(f[axis])
                 same = same & (kept[FORCES + axis, i] == now)
+                other = max(other, abs(now - kept[FORCES + axis, i]))
                 kept[FORCES + axis, i] = now
             s[KICK, at] = max(s[KICK, at], size(kept[FORCES, i], kept[FORCES + 1, i], kept[FORCES + 2, i]))
             if sleeps(kept, i) & (kept[RETURNS, i] > OFTEN + 1) & (not same):
                 s[CALM, at] = NEVER
+            elif other > CALMEST * s[KICK, at]:
+                kept[RETURNS, i] = min(kept[RETURNS, i], 0.0)
 
 
 @outlined
@@ -230,6 +234,9 @@ def take_back_steps(each: Any, c: Any, before: Any, h: Any) -> None:
             at = root(cluster, i)
             now, u = _motion(c, before, i, h), s[KICK, at]
             other = (now < kept[LEAST, i] - NOTICED * u) | (now > kept[MOST, i] + NOTICED * u)
+            still = (s[UNREST, at] <= CALMEST * u) & (not sleeps(kept, i)) & (s[CALM, at] >= OFTEN)
+            if still:
+                s[CALM, at] = min(s[CALM, at], -1.0)
             if (s[UNREST, at] > QUIETLY * u) | ((kept[RETURNS, i] >= SLEEPS) & other):
                 s[CALM, at] = min(s[CALM, at], 0.0)
     for i in range(mark.size):
@@ -241,8 +248,8 @@ def take_back_steps(each: Any, c: Any, before: Any, h: Any) -> None:
                 kept[MOST, i] = now if dozes else max(kept[MOST, i], now)
                 kept[RETURNS, i] = min(kept[RETURNS, i] + 1.0, SLEEPS)
                 _put_back(c, before, i)
-            elif sleeps(kept, i):
-                _wake(kept, i, min(s[CALM, at], 0.0))
+            elif sleeps(kept, i) | (s[CALM, at] < 0):
+                _wake(kept, i, NEVER if s[CALM, at] <= NEVER else min(kept[RETURNS, i], 0.0))
 
 
 def _put_back(c: Any, before: Any, i: Any) -> None:

@@ -34,7 +34,7 @@ from particlesim.engine.interactions.hard.ways import (
 FAST = 0.5
 """Way of two relative to each other in a step, as a part of the sum of their radii, from which on they are followed: others
 overlap at its end if they meet."""
-HITS = 0.01
+HITS = 0.03
 """How far two that meet would come into each other in a step, as a part of the sum of their radii, from which on they are
 followed where there are few members, if that is faster than what rests."""
 SLOW = 0.01
