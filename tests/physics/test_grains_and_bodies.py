@@ -364,7 +364,7 @@ def test_a_body_that_grains_hit_between_walls_gains_nothing() -> None:
     )
     energy = energies(scenario)
     assert np.diff(energy).max() < 27 * 0.02 * 9.80665 * 1e-3 * 0.1
-    assert energy[-1] < 0.12 * energy[0]
+    assert energy[-1] < 0.15 * energy[0]
 
 
 def test_a_ball_of_sand_moves_a_box_and_keeps_momentum() -> None:
