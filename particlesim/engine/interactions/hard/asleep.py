@@ -26,24 +26,14 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import STANDS, root
 from particlesim.engine.interactions.hard.bench import COUNT, FASTER, OWN, PAIRED
+from particlesim.engine.interactions.hard.thrown import size_of
 from particlesim.engine.interactions.hard.ways import ALONE
 from particlesim.engine.interactions.interaction import Floats, Ints
 from particlesim.engine.state.columns import fetch, let_know
 from particlesim.laws.registry import force, moved_to
 
-STEPS, PATH, AWAY, RETURNS, LEAST, MOST, LAST, WHOLE, JERKS, FORCES, ROWS = (
-    0,
-    1,
-    2,
-    5,
-    6,
-    7,
-    8,
-    11,
-    12,
-    13,
-    16,
-)
+STEPS, PATH, AWAY, RETURNS, LEAST, MOST = 0, 1, 2, 5, 6, 7
+LAST, WHOLE, JERKS, FORCES, ROWS = 8, 11, 12, 13, 16
 """Rows of what is kept of particles: steps and path since they have come back, and how far they are from where they were at
 first [3] [m]; how often they have come back, and more than `OFTEN` of what sleeps: with the steps that were taken back; the
 least and the fastest motion in those [m/s]; the last displacement [3], the path from the first on, and how much
@@ -135,19 +125,14 @@ def _motion(c: Any, before: Any, i: Any, h: Any) -> float:
     """How fast a particle is, has gone in the step, or turns [m/s]."""
     x, y, z = float(c.x[i] - before[0, i]), float(c.y[i] - before[1, i]), float(c.z[i] - before[2, i])
     u, v, w = float(c.vx[i]), float(c.vy[i]), float(c.vz[i])
-    return max(size(x, y, z) / h, size(u, v, w), _turning(c, i))
+    return max(size_of((x, y, z)) / h, size_of((u, v, w)), _turning(c, i))
 
 
 def _turning(c: Any, i: Any) -> float:
     """How fast the surface of a particle turns [m/s]."""
     if c.spin is None:
         return 0.0
-    return float(c.r[i]) * size(float(c.spin.wx[i]), float(c.spin.wy[i]), float(c.spin.wz[i]))
-
-
-def size(x: Any, y: Any, z: Any) -> Any:
-    """The length of a vector."""
-    return np.sqrt(x * x + y * y + z * z)
+    return float(c.r[i]) * size_of((float(c.spin.wx[i]), float(c.spin.wy[i]), float(c.spin.wz[i])))
 
 
 @outlined
@@ -166,7 +151,8 @@ def note_kicks(each: Any, forces: Any, c: Any, before: Any, first: Any, last: An
                 same = same & (kept[FORCES + axis, i] == now)
                 other = max(other, abs(now - kept[FORCES + axis, i]))
                 kept[FORCES + axis, i] = now
-            s[KICK, at] = max(s[KICK, at], size(kept[FORCES, i], kept[FORCES + 1, i], kept[FORCES + 2, i]))
+            given = (kept[FORCES, i], kept[FORCES + 1, i], kept[FORCES + 2, i])
+            s[KICK, at] = max(s[KICK, at], size_of(given))
             if sleeps(kept, i) & (kept[RETURNS, i] > OFTEN + 1) & (not same):
                 s[CALM, at] = NEVER
             elif other > CALMEST * s[KICK, at]:
@@ -184,7 +170,7 @@ def note_calm(each: Any, c: Any, before: Any, h: Any) -> None:
                 _wake(kept, i, 0.0)
             elif not sleeps(kept, i):
                 _go_on(kept, c, before, i)
-                far = size(kept[AWAY, i], kept[AWAY + 1, i], kept[AWAY + 2, i])
+                far = size_of((kept[AWAY, i], kept[AWAY + 1, i], kept[AWAY + 2, i]))
                 if (far > h * s[KICK, at]) | (kept[STEPS, i] >= LATE):
                     _wake(kept, i, min(kept[RETURNS, i], 0.0))
                 elif (kept[STEPS, i] >= SOON) & _returns(kept, c, i, far, s[KICK, at], h):

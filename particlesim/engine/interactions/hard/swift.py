@@ -322,10 +322,7 @@ def bent_by(w: Any, i: Any) -> Any:
     """By how much the way of a particle in a step differs before and after its bend [m]."""
     if w.when[BEND, i] == STRAIGHT:
         return 0.0
-    one, other = 0.0, tuple(w.on[axis, i] - w.go[axis, i] for axis in range(3))
-    for axis in range(3):
-        one += other[axis] * other[axis]
-    return np.sqrt(one)
+    return size_of(tuple(w.on[axis, i] - w.go[axis, i] for axis in range(3)))
 
 
 def is_unknown(w: Any, i: Any, alone: bool) -> Any:
