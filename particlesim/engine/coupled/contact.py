@@ -119,8 +119,8 @@ def _caught_up(contacts: Any, rebounds: Any, share: Any, i: Any, p: Any, q: Any,
     if struck == BOUNCED:
         late = a
     elif lay or struck == LANDED:
-        # What pressed it at the beginning did so along another normal, if the surface bends.
-        late, _ = along_contacts(contacts, r, late, True) if lay else along_contacts(contacts, r, a, False)
+        # what it will begin the next step with
+        late, _ = along_contacts(contacts, r, a, False)
     if struck != NOTHING:
         note_rebound(rebounds, share, i, BentRecord(way.turn, way.bend, a), q)
     return hastened(r, (-late[0], -late[1], -late[2])), outcome, hit, exhausted

@@ -199,7 +199,7 @@ def new_rebounds(method: Method, count: int, dtype: Any, *, heaps: bool) -> Rebo
         series, aside, beyond = (-1 / 24 if method.ahead else 1 / 12), -1 / 2, 0.0
     old = 0.5 if isinstance(method, Verlet) else begun
     slow, between = SLOW if heaps else None, () if isinstance(method, Verlet) else None
-    behind = () if begun and not heaps else None
+    behind = () if begun else None
     free, hit, way, forces = (np.zeros((rows, count), dtype) for rows in (6, 6, 6, 15))
     around = np.zeros((6, count), dtype) if series or begun else None
     home = np.zeros((3, count), dtype) if series else None

@@ -23,7 +23,7 @@ from particlesim.engine.step.contacts import Simple
 from particlesim.engine.step.records import SOME, as_precision, contacts_record, dynamics_record
 from particlesim.graph.graph import Island
 from particlesim.groups.group import Group
-from particlesim.integrators import GaussRadauMethod, ImplicitMethod, WisdomHolmanMethod
+from particlesim.integrators import Composition, GaussRadauMethod, ImplicitMethod, WisdomHolmanMethod
 from particlesim.interactions import PairSet
 from particlesim.model.arrays import Floats
 
@@ -231,7 +231,7 @@ def _parts(island: Island, bounds: Sequence[int], dtype: Any) -> tuple[Part, ...
             smooth=turns,
             turning=pulled,
             even=not pulled,
-            late=island.method.lag != 0,
+            late=island.method.lag != 0 and not isinstance(island.method, Composition),
             until=island.duration,
         )
         rolling = island.rolling_friction(group.name) if turns else None

@@ -86,12 +86,11 @@ def hastened(p: Any, v: Any) -> Any:
 
 def with_places(p: Any, q: Any, a: Any, late: Any, h: Any) -> tuple[Any, Any, Any]:
     """Both ends of a step with the velocities of their places, `late` more, and what they are late by at the end. What
-    friction has stopped begins with no velocity, and falls half as far as with one that is late by a."""
-    zero = h - h
+    contact takes up of a velocity that is late by a, it had not: so far it has fallen half as far."""
     begun, end = hastened(p, late), hastened(q, late)
     still = (begun.vx == 0) & (begun.vy == 0) & (begun.vz == 0)
-    s = h if still else zero
-    end = moved_to(end, q.x - s * a[0], q.y - s * a[1], q.z - s * a[2], end.vx, end.vy, end.vz, end.t)
+    x, y, z = (b - h * (whole - part) for b, whole, part in zip((q.x, q.y, q.z), a, late, strict=True))
+    end = moved_to(end, x, y, z, end.vx, end.vy, end.vz, end.t)
     return begun, end, tuple(whole if still else part for whole, part in zip(a, late, strict=True))
 
 

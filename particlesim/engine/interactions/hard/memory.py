@@ -36,6 +36,7 @@ from particlesim.engine.interactions.hard.bench import (
     REST,
     RUBS,
     SQUARE,
+    SWERVED,
     TURN,
     WAY,
     WORK,
@@ -352,20 +353,21 @@ def scale_clusters(each: Any, c: Any, walls: Any) -> None:
 
 @outlined
 def book_moves(each: Any, c: Any, before: Any, h: Any) -> None:
-    """Note the work of forces, in each cluster, on the way by which impulses displace particles (`move_on`). Against forces
-    half of a kick counts at most: where a method moves particles by all of it, as symplectic Euler does, falling so has
-    cost them the rest before."""
+    """Note the work of forces, in each cluster, on the way by which impulses displace particles (`move_on`). Half of a kick
+    counts at most: where a method moves particles by all of it, as symplectic Euler does, its velocities are half a kick
+    late. What colliders have turned particles by, they have turned what moves them by, too."""
     mark, s, cluster = each.bench.mark, each.bench.start, each.bench.desk.cluster
     for i in range(mark.size):
         if (mark[i] == PAIRED) & (each.a[i] > 0):  # what a collider has thrown back does not tell of forces
-            power, square = 0.0, 0.0
+            power, square, turn = 0.0, 0.0, 0.0
             for axis, now in enumerate((c.vx, c.vy, c.vz)):
                 change = float(now[i]) - s[axis, i]
                 power += change * (s[axis, i] - float(before[3 + axis, i]) - s[CARRIED + axis, i])
                 square += change * change
+                turn += change * s[SWERVED + axis, i]
             part = way_by(each.bench, c, i, np.sqrt(square), h) / h
-            part = part if power > 0 else min(part, 0.5)
-            s[WORK, root(cluster, i)] += part * power / float(each.a[i])
+            work = min(part, 0.5) * (power - turn) + part * turn
+            s[WORK, root(cluster, i)] += work / float(each.a[i])
 
 
 def way_by(bench: Any, c: Any, i: Any, speed: Any, h: Any) -> Any:

@@ -29,6 +29,8 @@ from particlesim.engine.interactions.hard.ways import (
 from particlesim.engine.state.columns import fetch, type_of
 from particlesim.laws.registry import force, gap_and_normal, moved_to
 
+STRAIGHT = (0.0, 0.0, 0.0)
+"""By how much colliders have turned a velocity that they have not [m/s]."""
 CLOSE = 0.25
 """How near to a collider the way of a particle bends that has been thrown back by it, as a part of the radius."""
 LEFT = 1e-9
@@ -63,7 +65,8 @@ def find_strange(w: Any, alone: bool, c: Any, before: Any, h: Any, first: Any, l
     for i in range(first, last):
         lasts = w.when[ENDS, i] - w.when[BEGUN, i]
         if (lasts > 0) & (w.light[i] > 0):
-            w.what[THROWN, i] = SOMETHING if alone and way_of(c, before, i, lasts * float(h)) < 0 else 0
+            strange = alone and way_of(c, before, i, lasts * float(h), STRAIGHT) < 0
+            w.what[THROWN, i] = SOMETHING if strange else 0
 
 
 @outlined

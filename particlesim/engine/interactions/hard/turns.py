@@ -97,7 +97,7 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         change[bench.rows[0, k]] = change[bench.rows[1, k]] = 0
     for i in range(bench.mark.size):
         if bench.mark[i] == PAIRED:  # and not thrown back: how fast says nothing about forces
-            way = way_of(c, before, i, float(h))
+            way = way_of(c, before, i, float(h), swerve_of(bench, i))
             if way < 0:
                 bench.mark[i] = PAIRED | THROWN
             else:
@@ -156,7 +156,7 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
             least = type_of(most, ANY)
         elif (-now <= least) & (each.law.restitution < 1):  # the fall of a step has hidden the gap
             bench.normal[ROOM, k] = _gap_when_held(bench, c, before, k, h) / type_of(most, CLOSES * h)
-            bench.normal[ROOM, k] -= type_of(most, 0.5) * _swerved(bench, k)
+            bench.normal[ROOM, k] -= _swerved(bench, k)
         bench.normal[LEAST, k], bench.normal[PARTING, k] = least, 0
         bench.normal[STILL, k] = _rested(c, before, i, j, (x, y, z), began, abs(mine - other))
         bench.normal[LATER, k] = type_of(least, -later)
@@ -170,10 +170,11 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
 
 
 def _swerved(bench: Any, k: Any) -> Any:
-    """By how much colliders along which the two of pair k slide have turned their velocities apart in the step [m/s]: a half
-    of that is ahead of the middle of the step, when impulses act."""
+    """By how much colliders along which the two of pair k slide turn their velocities apart after impulses have acted [m/s]:
+    a half of what they do so in the step, where that is in its middle."""
     n, s, i, j = bench.normal, bench.start, bench.rows[0, k], bench.rows[1, k]
-    x, y, z = (s[SWERVED + axis, i] - s[SWERVED + axis, j] for axis in range(3))
+    wi, wj = s[WAY, i], s[WAY, j]
+    x, y, z = (wi * s[SWERVED + axis, i] - wj * s[SWERVED + axis, j] for axis in range(3))
     return type_of(n[0, k], float(n[0, k]) * x + float(n[1, k]) * y + float(n[2, k]) * z)
 
 
@@ -203,14 +204,15 @@ def _most_given(each: Any, c: Any, before: Any, k: Any) -> float:
     in an impact; at rest what takes the approach along the line of centres, at either end of the step, and friction. By how
     fast it slides along the other one what rests is not moved: were it moved less than forces have moved it, it would fall
     into that one, and each lift out of it would be energy."""
-    bench, i, j = each.bench, each.bench.rows[0, k], each.bench.rows[1, k]
+    bench, i, j, s = each.bench, each.bench.rows[0, k], each.bench.rows[1, k], each.bench.start
     v = float(c.vx[i] - c.vx[j]), float(c.vy[i] - c.vy[j]), float(c.vz[i] - c.vz[j])
     x, y, z, _ = line_between(c, i, j, bench.shift, k)
-    most = abs(v[0] * float(x) + v[1] * float(y) + v[2] * float(z))
+    most = max(-(v[0] * float(x) + v[1] * float(y) + v[2] * float(z)), 0.0)
     dx, dy, dz = (float(before[axis, i] - before[axis, j] + bench.shift[axis, k]) for axis in range(3))
     apart = np.sqrt(dx * dx + dy * dy + dz * dz)
     if apart > 0:
-        most = max(most, abs(v[0] * dx + v[1] * dy + v[2] * dz) / apart)
+        ux, uy, uz = (v[axis] - s[SWERVED + axis, i] + s[SWERVED + axis, j] for axis in range(3))
+        most = max(most, -(ux * dx + uy * dy + uz * dz) / apart)
     mine, other = changed_along(bench, c, before, i, x, y, z), changed_along(bench, c, before, j, x, y, z)
     speed = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     if most > REST * float(abs(mine - other)):
@@ -224,34 +226,60 @@ def _most_given(each: Any, c: Any, before: Any, k: Any) -> float:
 def _gap_when_held(bench: Any, c: Any, before: Any, k: Any, h: Any) -> Any:
     """The gap that pair k would have at the end of the step without what forces have done in it [m]; 0 if it touches."""
     i, j = bench.rows[0, k], bench.rows[1, k]
-    wi, wj = type_of(c.x[i], h * bench.start[WAY, i]), type_of(c.x[j], h * bench.start[WAY, j])
-    x = c.x[i] - wi * (c.vx[i] - before[3, i]) - (c.x[j] - wj * (c.vx[j] - before[3, j])) + bench.shift[0, k]
-    y = c.y[i] - wi * (c.vy[i] - before[4, i]) - (c.y[j] - wj * (c.vy[j] - before[4, j])) + bench.shift[1, k]
-    z = c.z[i] - wi * (c.vz[i] - before[5, i]) - (c.z[j] - wj * (c.vz[j] - before[5, j])) + bench.shift[2, k]
+    x, y, z = (
+        here[i]
+        - here[j]
+        + bench.shift[axis, k]
+        - _given(bench, now, then, i, axis, h)
+        + _given(bench, now, then, j, axis, h)
+        for axis, (here, now, then) in enumerate(
+            ((c.x, c.vx, before[3]), (c.y, c.vy, before[4]), (c.z, c.vz, before[5]))
+        )
+    )
     return max(np.sqrt(x * x + y * y + z * z) - c.r[i] - c.r[j], type_of(x, 0))
+
+
+def _given(bench: Any, now: Any, then: Any, i: Any, axis: int, h: Any) -> Any:
+    """How far forces have moved particle i along an axis in the step [m]: not what colliders along which it slides have."""
+    turned = type_of(h, bench.start[SWERVED + axis, i])
+    return h * (type_of(h, bench.start[WAY, i]) * (now[i] - then[i] - turned) + type_of(h, 0.5) * turned)
 
 
 def line_when(bench: Any, c: Any, i: Any, j: Any, k: Any, h: Any) -> Any:
     """From particle j to particle i of pair k where they are when the impulses of the step act: the unit vector, along x for
     coincident centres, and the distance."""
-    wi, wj = type_of(c.x[i], h * bench.start[WAY, i]), type_of(c.x[j], h * bench.start[WAY, j])
-    x = c.x[i] - wi * c.vx[i] - (c.x[j] - wj * c.vx[j]) + bench.shift[0, k]
-    y = c.y[i] - wi * c.vy[i] - (c.y[j] - wj * c.vy[j]) + bench.shift[1, k]
-    z = c.z[i] - wi * c.vz[i] - (c.z[j] - wj * c.vz[j]) + bench.shift[2, k]
+    x = c.x[i] - c.x[j] + bench.shift[0, k] - _since(bench, c.vx, i, 0, h) + _since(bench, c.vx, j, 0, h)
+    y = c.y[i] - c.y[j] + bench.shift[1, k] - _since(bench, c.vy, i, 1, h) + _since(bench, c.vy, j, 1, h)
+    z = c.z[i] - c.z[j] + bench.shift[2, k] - _since(bench, c.vz, i, 2, h) + _since(bench, c.vz, j, 2, h)
     r = np.sqrt(x * x + y * y + z * z)
     apart = r > 0
     by = type_of(r, 1) / r if apart else type_of(r, 0)
     return by * x if apart else type_of(r, -1), by * y, by * z, r
 
 
-def way_of(c: Any, before: Any, i: Any, h: float) -> float:
+def _since(bench: Any, now: Any, i: Any, axis: int, h: Any) -> Any:
+    """How far particle i has gone along an axis since the impulses of the step act [m]."""
+    way = bench.start[WAY, i]
+    return type_of(h, h * way) * (now[i] - type_of(h, 0.5 * way * bench.start[SWERVED + axis, i]))
+
+
+def swerve_of(bench: Any, i: Any) -> Any:
+    """By how much colliders along which a particle slides have turned its velocity in the step [m/s]."""
+    s = bench.start
+    return s[SWERVED, i], s[SWERVED + 1, i], s[SWERVED + 2, i]
+
+
+def way_of(c: Any, before: Any, i: Any, h: float, turned: Any) -> float:
     """How far forces have moved a particle in the step over what they have changed its velocity by times the step, which is
-    a property of the method: 0, a half, or 1; less than 0 where it moves as no method does, and has been thrown back."""
+    a property of the method: 0, a half, or 1; less than 0 where it moves as no method does, and has been thrown back.
+    `turned`: how much of that change a collider has made along which it slides."""
     u, v, w = float(before[3, i]), float(before[4, i]), float(before[5, i])
-    dx, dy, dz = h * (float(c.vx[i]) - u), h * (float(c.vy[i]) - v), h * (float(c.vz[i]) - w)
-    x = float(c.x[i]) - float(before[0, i]) - h * u
-    y = float(c.y[i]) - float(before[1, i]) - h * v
-    z = float(c.z[i]) - float(before[2, i]) - h * w
+    dx = h * (float(c.vx[i]) - u - turned[0])
+    dy = h * (float(c.vy[i]) - v - turned[1])
+    dz = h * (float(c.vz[i]) - w - turned[2])
+    x = float(c.x[i]) - float(before[0, i]) - h * (u + 0.5 * turned[0])
+    y = float(c.y[i]) - float(before[1, i]) - h * (v + 0.5 * turned[1])
+    z = float(c.z[i]) - float(before[2, i]) - h * (w + 0.5 * turned[2])
     size = dx * dx + dy * dy + dz * dz
     far = abs(float(c.x[i])) + abs(float(c.y[i])) + abs(float(c.z[i])) + h * (abs(u) + abs(v) + abs(w))
     known = size > NOISE * NOISE * far * far

@@ -31,7 +31,7 @@ from particlesim.engine.interactions.hard.bench import (
     WORK,
 )
 from particlesim.engine.interactions.hard.friction import held_by, spin_up
-from particlesim.engine.interactions.hard.turns import CALMLY, NOISE, give, given_at
+from particlesim.engine.interactions.hard.turns import CALMLY, MIDDLE, NOISE, give, given_at
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.state.columns import fetch, held, type_of
 from particlesim.engine.step.contacts import Simple
@@ -148,7 +148,7 @@ def note_carried(each: Any, forces: Any, c: Any, before: Any, begin: Any, end: A
 @outlined
 def slides_around(each: Any, collider: Any, c: Any, before: Any, h: Any, i: Any, p: Any, q: Any) -> bool:
     """Whether a particle at side q of a collider has done nothing but slide along it, and that has turned its velocity. Then
-    the side gets its normal in the middle of that way: impulses along that at its end would take energy, or give it."""
+    the side gets its normal when impulses act: along that at the end of the way they would take energy, or give it."""
     w, s = each.bench.wall_normal, each.bench.start
     x, y, z, u, v, o = (before[row, i] for row in range(6))
     was, axes = gap_and_normal(collider.shape, moved_to(p, x, y, z, u, v, o, p.t - h))
@@ -160,14 +160,14 @@ def slides_around(each: Any, collider: Any, c: Any, before: Any, h: Any, i: Any,
         change += float(one[axis]) * float(a - b)
         rate += float(one[axis]) * float(a)
         square += float(a - b) * float(a - b)
-    slides = (w[LEAST, q] >= 0) & (w[ABOVE, q] <= 0) & (w[ALONG, q] == 0) & (each.ways.late[0] == 0)
+    slides = (w[LEAST, q] >= 0) & (w[ABOVE, q] <= 0) & (w[ALONG, q] == 0)
     slides &= abs(rate) <= NOISE * np.sqrt(square) + rounding_of(p.vx, p.vy, p.vz)
     slides &= abs(change - turned) < BENT * abs(turned)
     if slides:
-        size, rate = 0.0, 0.0
+        size, rate, way = 0.0, 0.0, MIDDLE + each.ways.late[0]
         for axis in range(3):
-            half = float(one[axis] + other[axis])
-            w[axis, q], size = half, size + half * half
+            then = (1 - way) * float(one[axis]) + way * float(other[axis])
+            w[axis, q], size = then, size + then * then
             s[SWERVED + axis, i] += turned * float(one[axis])
         for axis, a in enumerate((p.vx, p.vy, p.vz)):
             w[axis, q] /= np.sqrt(size)
