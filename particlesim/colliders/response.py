@@ -174,6 +174,15 @@ def _first_contact(shape: Any, p: Any, q: Any, h: Any, slack: Any) -> Any:
 
 def called(c: Any) -> ColliderRecord:
     """The same collider, as one of many."""
+    return _marked(c, c.response.even, ())
+
+
+def under_late(c: Any) -> Any:
+    """The same collider, where velocities are not those of the places."""
+    return c if c.response.even is None else _marked(c, ((),), c.response.called)
+
+
+def _marked(c: Any, even: Any, called: Any) -> ColliderRecord:
     r = c.response
     marked = ResponseRecord(
         r.bounce,
@@ -186,8 +195,8 @@ def called(c: Any) -> ColliderRecord:
         r.yielding,
         r.heard,
         r.turning,
-        r.even,
-        (),
+        even,
+        called,
     )
     return ColliderRecord(c.shape, marked)
 

@@ -10,7 +10,7 @@ from particlesim.engine.coupled.again import end_of, is_same, keep_end, worthwhi
 from particlesim.engine.coupled.rebounds import note_rebound
 from particlesim.engine.state.columns import block_of, fetch, let_know, note, span, store, tire, type_of
 from particlesim.engine.step.at_rest import overlapped, respond, turning
-from particlesim.engine.step.contacts import Careful, Simple, nearest, pushed
+from particlesim.engine.step.contacts import Careful, Simple, late_contacts, nearest, pushed
 from particlesim.engine.step.crossing import crossings, passable, passed, thin
 from particlesim.engine.step.hits import tell
 from particlesim.engine.step.impacts import BOUNCED, LANDED, NOTHING, trace
@@ -104,8 +104,17 @@ def quick(rebounds: Any, p: Any, q: Any, h: Any) -> Any:
     return p.vx * p.vx + p.vy * p.vy + p.vz * p.vz >= least
 
 
+def creeps(rebounds: Any, p: Any, q: Any) -> Any:
+    """Whether what may lie on others is slower than forces make it in a step from p to q: what presses it is not known, and
+    what its velocity is late by is next to nothing where it rests."""
+    if rebounds.slow is None:
+        return False
+    x, y, z = q.vx - p.vx, q.vy - p.vy, q.vz - p.vz
+    return p.vx * p.vx + p.vy * p.vy + p.vz * p.vz < x * x + y * y + z * z
+
+
 @outlined
-def _caught_up(contacts: Any, rebounds: Any, share: Any, i: Any, p: Any, q: Any, h: Any) -> Any:
+def _caught_up(contacts: Any, rebounds: Any, share: Any, i: Any, p: Any, q: Any, h: Any, kept: Any) -> Any:
     """The step of particle i from p to q with velocities half a step behind, as one with the velocities of its places; what
     `trace` tells of it."""
     half = type_of(h, 0.5)
@@ -114,7 +123,7 @@ def _caught_up(contacts: Any, rebounds: Any, share: Any, i: Any, p: Any, q: Any,
     begun, end, late = with_places(p, q, a, late, h)
     way, zero = way_between(begun, end, h), h - h
     on = BentRecord(way.turn, way.bend, (zero, zero, zero))
-    r, _, outcome, hit, exhausted, struck = trace(on, Newtonian(), (), contacts, begun, h, ())
+    r, outcome, hit, exhausted, struck = _followed(on, contacts, begun, end, h, kept, i)
     rebounds.lies[i] = struck != BOUNCED
     if struck == BOUNCED:
         late = a
@@ -182,8 +191,9 @@ def _collide(
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
             p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
-                if rebounds is not None and rebounds.behind is not None and turning(contacts):
-                    r, outcome, hit, exhausted = _caught_up(contacts, rebounds, share, i, p, q, hi)
+                behind = rebounds is not None and rebounds.behind is not None and turning(contacts)
+                if behind and not creeps(rebounds, p, q):
+                    r, outcome, hit, exhausted = _caught_up(contacts, rebounds, share, i, p, q, hi, kept)
                     forget(c.memory, i)
                 else:
                     leaps = rebounds is not None and rebounds.between is not None
@@ -191,7 +201,8 @@ def _collide(
                     way, known = way_between(begun, q, hi), quick(rebounds, begun, q, hi)
                     late = None if rebounds is None else lateness(way, hi, known)
                     on = BentRecord(way.turn, way.bend, late)
-                    r, outcome, hit, exhausted, struck = _followed(on, contacts, begun, q, hi, kept, i)
+                    held_by = late_contacts(contacts) if behind else contacts
+                    r, outcome, hit, exhausted, struck = _followed(on, held_by, begun, q, hi, kept, i)
                     if rebounds is not None:
                         rebounds.lies[i] = struck != BOUNCED
                         landed = (struck == LANDED) & (rebounds.begun != 0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from particlesim.colliders.moving import MovingRecord, ride
 from particlesim.colliders.plane import PlaneXRecord, PlaneYRecord, PlaneZRecord
-from particlesim.colliders.response import along, at_rest, called, crossable, opposite, yielded
+from particlesim.colliders.response import along, at_rest, called, crossable, opposite, under_late, yielded
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.laws.registry import PASS, contact, gap, gap_and_normal, least_gap
@@ -56,6 +56,20 @@ def by_calls(contacts: Any) -> Any:
         tuple(called(c) for c in contacts.continuous),
         tuple(called(c) for c in contacts.resting),
         tuple(called(c) for c in contacts.discrete),
+        contacts.tolerance,
+        contacts.reach,
+        contacts.one_by_one,
+        contacts.soft,
+        contacts.sized_by,
+    )
+
+
+def late_contacts(contacts: Careful) -> Careful:
+    """The same contacts for velocities that are not those of the places."""
+    return Careful(
+        tuple(under_late(c) for c in contacts.continuous),
+        tuple(under_late(c) for c in contacts.resting),
+        contacts.discrete,
         contacts.tolerance,
         contacts.reach,
         contacts.one_by_one,
