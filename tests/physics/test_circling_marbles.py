@@ -16,16 +16,23 @@ RADIUS = 0.006
 
 
 def go(
-    duration: float, dt: float, method: str, walls: list[dict[str, Any]], touch: bool, **marbles: Any
+    duration: float,
+    dt: float,
+    method: str,
+    walls: list[dict[str, Any]],
+    touch: bool,
+    friction: float = 0.0,
+    **marbles: Any,
 ) -> Any:
+    rubs = {"friction": friction} if friction else {}
     given = table(
         duration,
         dt,
         method,
         particles=[points(*marbles.pop("at"), **{"radius": RADIUS, "mass": 0.3, **marbles})],
         forces=[{"type": "gravity"}],
-        colliders=[{"restitution": 0.3, **wall} for wall in walls],
-        interactions=[{"type": "contact", "restitution": 0.3}] if touch else [],
+        colliders=[{"restitution": 0.3, **rubs, **wall} for wall in walls],
+        interactions=[{"type": "contact", "restitution": 0.3, **rubs}] if touch else [],
         output={"every": round(0.02 / dt), "ledger": True},
     )
     return ps.run(ps.from_table(given))
@@ -71,3 +78,21 @@ def test_marbles_that_swing_in_a_bowl_on_each_other_gain_nothing(method: str) ->
     seconds = run.energy[-650:].reshape(13, 50).mean(axis=1)  # from step to step it goes up and down by h u F
     rise = seconds - np.minimum.accumulate(seconds)
     assert rise.max() < 2e-3 * run.ledger["kinetic"].max()
+
+
+@pytest.mark.parametrize("dt", [5e-3, 1e-3])
+@pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
+@pytest.mark.parametrize("kind", ["bowl", "trough"])
+def test_a_ball_that_rolls_in_a_bowl_keeps_its_energy(kind: str, method: str, dt: float) -> None:
+    """What rolls does not slide, so friction does no work. It swings across the way on which it began, and turns about its
+    normal: with friction about the normals of the ends of steps it gained 4 % in four seconds, in steps of 5 ms, and with
+    symplectic Euler it lost a quarter, as friction moved it off the bowl by the square of the way that it moves it."""
+    bowl = {"type": "sphere", "center": [0, 0.05, 0], "radius": 0.05, "inside": True}
+    trough = {"type": "cylinder", "start": [-1, 0.05, 0], "end": [1, 0.05, 0], "radius": 0.05, "inside": True}
+    high, aside = 0.05 - 0.044 * np.cos(0.7), 0.044 * np.sin(0.7)
+    wall = bowl if kind == "bowl" else trough
+    ball = {"at": [(0.0, float(high), float(aside))], "velocity": [[0.2, 0.0, 0.0]]}
+    run = go(4.0, dt, method, [wall], True, friction=0.8, **ball)
+    seconds = run.energy[50:200].reshape(3, 50).mean(axis=1)  # it slides at first
+    kept = 50.0 * dt**2 + 1e-4  # of second order
+    assert np.ptp(seconds) < kept * run.ledger["kinetic"].max()

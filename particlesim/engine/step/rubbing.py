@@ -29,23 +29,25 @@ from particlesim.colliders.response import along_surface
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.lateness import way_between
-from particlesim.engine.step.resting import cross
+from particlesim.engine.step.resting import bends, cross
 from particlesim.laws.registry import PASS, gap, gap_and_normal, moved_to
 
 NEAR = 1e-6
 """Part of the radius by which a particle that lies may be off a surface."""
 MOST = 0.5
 """Part of the radius by which friction may move a particle in a step: not through a sheet."""
+SAME_SIDE = 1.5
+"""The length of the sum of two normals from which on they are of one side of a collider."""
 STILL = 1e-18
 """Speed that is none [m/s]: processors know inverse roots of its square in single precision no more."""
 TURNS = 8
 """Turns between sliding and rolling friction of what slides."""
 
 
-def rub(c: Any, rolling: Any, columns: Any, i: Any, p: Any, n: Any, push: Any) -> Any:
+def rub(c: Any, rolling: Any, columns: Any, i: Any, p: Any, n: Any, m: Any, push: Any) -> Any:
     """Turn sphere i of some columns by the friction of a collider that gave it a normal impulse over mass `push` [m/s], and
     by `rolling` friction unless that is None; return what its velocity changes by. p is the sphere with its velocity after
-    that impulse."""
+    that impulse, n the normal there, and m that in the middle of the step, about which friction turns it."""
     friction, s, r = c.response.friction, columns.spin, p.r
     w = (s.wx[i], s.wy[i], s.wz[i])
     u = (p.vx, p.vy, p.vz)
@@ -64,16 +66,16 @@ def rub(c: Any, rolling: Any, columns: Any, i: Any, p: Any, n: Any, push: Any) -
         roll = tuple(r * (a - type_of(push, b)) for a, b in zip(turn, spun, strict=True))
         change, q = slowed(slip, roll, friction, rolling, push)
         k = type_of(push, 2.5) / (r if r > 0 else one)
-        spin_up(s, i, k, cross(n, tuple(a - b for a, b in zip(q, change, strict=True))))
+        spin_up(s, i, k, cross(m, tuple(a - b for a, b in zip(q, change, strict=True))))
         return change
     speed, share = np.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2]), type_of(push, 2 / 7)
     holds = share * speed <= max(friction.static * push, type_of(push, STILL))
     part = share if holds else min(friction.kinetic * push / speed, share)
     change = tuple(-part * a for a in slip)
     k = type_of(push, 2.5) / (r if r > 0 else one)
-    s.wx[i] -= k * (n[1] * change[2] - n[2] * change[1])
-    s.wy[i] -= k * (n[2] * change[0] - n[0] * change[2])
-    s.wz[i] -= k * (n[0] * change[1] - n[1] * change[0])
+    s.wx[i] -= k * (m[1] * change[2] - m[2] * change[1])
+    s.wy[i] -= k * (m[2] * change[0] - m[0] * change[2])
+    s.wz[i] -= k * (m[0] * change[1] - m[1] * change[0])
     return change
 
 
@@ -133,6 +135,21 @@ def way_of(p: Any, q: Any, h: Any) -> Any:
     return half if along <= (half + half * half) * size else type_of(h, 1)
 
 
+def between(c: Any, p: Any, n: Any) -> Any:
+    """The normal in the middle of a step along a collider that bends, from p to where it is n; n, if p does not touch it.
+    With those of the end what turns about its normal would gain energy, or lose it, in proportion to the step."""
+    if not bends(c):
+        return n
+    g, axes = gap_and_normal(c.shape, p)
+    was = tuple(g - g if axis is None else axis for axis in axes)
+    x, y, z = (a + b for a, b in zip(was, n, strict=True))
+    size = np.sqrt(x * x + y * y + z * z)
+    turned = (was[0] != n[0]) | (was[1] != n[1]) | (was[2] != n[2])
+    lay = turned & (abs(g) <= type_of(g, NEAR) * p.r) & (size > type_of(g, SAME_SIDE))
+    by = type_of(g, 1) / size if lay else size
+    return tuple(by * a if lay else b for a, b in zip((x, y, z), n, strict=True))
+
+
 def rubbed(colliders: Any, rolling: Any, c: Any, i: Any, p: Any, q: Any, r: Any, h: Any) -> Any:
     """Particle i at the end r of a step of h from p that colliders without friction have made of q, with the friction that
     goes with their impulses: those of colliders that it may have touched, one after the other."""
@@ -147,16 +164,31 @@ def rubbed(colliders: Any, rolling: Any, c: Any, i: Any, p: Any, q: Any, r: Any,
             if (push > 0) & (g < far):
                 left = tuple(a - push * axis for a, axis in zip(left, n, strict=True))
                 if each.response.friction is not None:
-                    x, y, z = rub(each, rolling, c, i, r, n, push)
+                    m = between(each, p, n)
+                    x, y, z = rub(each, rolling, c, i, r, n, m, push)
                     r = moved_to(r, r.x, r.y, r.z, r.vx + x, r.vy + y, r.vz + z, r.t)
                     dx, dy, dz = dx + x, dy + y, dz + z
         # a force that acts all through the step; an impact takes place in the middle of it, on average
         half = way_of(p, q, h) * h
         there = moved_to(r, r.x + half * dx, r.y + half * dy, r.z + half * dz, r.vx, r.vy, r.vz, r.t)
         near = half * np.sqrt(dx * dx + dy * dy + dz * dz) < type_of(h, MOST) * r.r
+        there = _back_on(colliders, r, there)
         if near & (_least(colliders, there) >= min(_least(colliders, r), h - h) - type_of(h, NEAR) * r.r):
             r = there
     return r
+
+
+def _back_on(colliders: Any, p: Any, q: Any) -> Any:
+    """The place q to which friction has moved a particle from p, on the surfaces that bend under it and that it touched
+    there: off them it would fall, and land."""
+    for each in colliders:
+        if bends(each):
+            was = gap(each.shape, p)
+            g, n = gap_and_normal(each.shape, q)
+            off = g if abs(was) <= type_of(g, NEAR) * p.r else g - g
+            x, y, z = (a if b is None else a - off * b for a, b in zip((q.x, q.y, q.z), n, strict=True))
+            q = moved_to(q, x, y, z, q.vx, q.vy, q.vz, q.t)
+    return q
 
 
 def _size(p: Any) -> Any:
