@@ -192,9 +192,9 @@ class Expressions(Calls):
             case ast.IsNot():
                 return left is not right
             case ast.In():
-                return left in right
+                return self._is_in(left, right)
             case ast.NotIn():
-                return left not in right
+                return self.w.binary("Eq", self._is_in(left, right), False)
         if is_number(left) and is_number(right):
             return self.w.binary(type(op).__name__, left, right)
         registers: list[Any] = []
@@ -202,6 +202,19 @@ class Expressions(Calls):
         if any(isinstance(each, Number) for each in registers):
             raise Unsupported("only numbers are compared while a kernel runs")
         return left == right if isinstance(op, ast.Eq) else left != right
+
+    def _is_in(self, left: Any, right: Any) -> Any:
+        """Whether something is among others: what is not known yet is compared with each of them."""
+        registers: list[Any] = []
+        form_of((left, right), registers)
+        if not any(isinstance(each, Number) for each in registers):
+            return left in right
+        if not (is_number(left) and isinstance(right, tuple) and all(is_number(each) for each in right)):
+            raise Unsupported("numbers are looked for in tuples of numbers while a kernel runs")
+        found: Any = False
+        for each in right:
+            found = self.w.binary("BitOr", found, self.w.binary("Eq", left, each))
+        return found
 
     def _BoolOp(self, node: ast.BoolOp) -> Any:
         """Later parts are only looked at where the earlier ones leave the result open, as in Python."""

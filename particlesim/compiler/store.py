@@ -1,9 +1,9 @@
 """Machine code kept on disk: one file for each kernel and structure of its arguments.
 
-The name of a file is a digest of the kernel's name, its arguments, LLVM, and the processor. The file also has the digests of
-the modules of all compiled functions, and the constants that were read from modules. All of these are compared before the
-code is used, so an edit recompiles only the kernels that depend on it. Shared functions, which many kernels call, have files
-of their own, named by a digest of their LLVM code.
+The name of a file is a digest of the kernel's name, its arguments, this compiler, LLVM, and the processor. The file also has
+the digests of the modules of all compiled functions, and the constants that were read from modules. All are compared
+before the code is used, so an edit recompiles only the kernels that depend on it. Shared functions, which many kernels call,
+have files of their own, named by a digest of their LLVM code.
 
 Machine code is run without further checks: so the folder and its files are used only if they belong to the user and nobody
 else may write there. Nothing is unpickled.
@@ -28,8 +28,6 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler.values import KnownForm, TupleForm
-
-VERSION = 2
 
 problem: str | None = None
 """Why kernels are not kept on disk, or None when they are."""
@@ -104,10 +102,19 @@ def entry(function: Callable[..., Any], key: Any, identity: str) -> Entry | None
     name = f"{function.__module__}.{function.__qualname__}"
     closed_over = tuple(cell.cell_contents for cell in function.__closure__ or ())
     try:
-        text = f"{VERSION} {name} {identity} {_text(closed_over)} {_text(key)}"
+        text = f"{compiler()} {name} {identity} {_text(closed_over)} {_text(key)}"
     except _Nameless:
         return None
     return Entry(home / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.kernel", name)
+
+
+@functools.cache
+def compiler() -> str:
+    """A digest of the compiler's own source: another one may make other code of the same kernels."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 class _Nameless(Exception):
@@ -170,7 +177,7 @@ def shared(text: str, identity: str) -> Path | None:
     home = folder()
     if home is None:
         return None
-    digest = hashlib.sha256(f"{VERSION} {identity} {text}".encode()).hexdigest()
+    digest = hashlib.sha256(f"{compiler()} {identity} {text}".encode()).hexdigest()
     return home / f"{digest[:32]}.shared"
 
 

@@ -227,6 +227,22 @@ def test_what_is_known_is_decided_while_compiling() -> None:
     assert out.tolist() == [3, 6]
 
 
+def test_numbers_are_looked_for_in_tuples() -> None:
+    """What is not known yet was in no tuple."""
+
+    @kernel
+    def run(numbers: Any, last: Any, out: Any) -> None:
+        for i in range(numbers.size):
+            out[i] = 1.0 if numbers[i] in (1, 2, last) else 0.0
+            if numbers[i] not in (0, last) and "a" in ("a", "b"):
+                out[i] += 2.0
+
+    for numbers in (np.arange(5), np.arange(5.0)):
+        out = np.zeros(5)
+        run(numbers, 4, out)
+        assert out.tolist() == [0, 3, 3, 2, 1]
+
+
 def test_functions_may_return_arrays_and_take_functions() -> None:
     def row(table: Any, k: int) -> Any:
         return table[k, 1:]
@@ -443,6 +459,7 @@ def test_loops_over_many_arrays_are_vectorised() -> None:
         ("def f(x):\n    return (1.0, 2.0)[int(x)]\n", "a part of a tuple is chosen by a number"),
         ("def f(x):\n    return print(x)\n", "'print' is not in the language"),
         ("def f(x):\n    return f(x)\n", "without end"),
+        ("def f(x):\n    return x in 'abc'\n", "tuples of numbers"),
     ],
 )
 def test_errors_have_a_place_and_a_reason(text: str, reason: str) -> None:
@@ -529,6 +546,18 @@ def test_code_is_kept_until_what_went_in_changes(tmp_path: Path) -> None:
     assert file.stat().st_mode & 0o077 == 0
     file.chmod(0o666)
     assert run_program(tmp_path) == "10.0 1"
+
+
+def test_code_of_another_compiler_is_not_taken(tmp_path: Path) -> None:
+    """Kept code had been told by a number that nobody changed."""
+    (tmp_path / "module.py").write_text(MODULE)
+    (tmp_path / "other.py").write_text("def grow(x):\n    return x + 1\n")
+    assert run_program(tmp_path) == "7.0 1"
+    another = tmp_path / "sitecustomize.py"
+    another.write_text("from particlesim.compiler import store\nstore.compiler = str\n")
+    assert run_program(tmp_path) == "7.0 1"
+    another.unlink()
+    assert run_program(tmp_path) == "7.0 0"
 
 
 def test_quick_kernels_are_never_taken_for_others(tmp_path: Path) -> None:
