@@ -64,7 +64,8 @@ class Contacts(NamedTuple):
     they are [k], 0 for others, and of motors the speed and the greatest impulse, of rolling friction the contact that
     presses and the radius [2, k]; of those solved for together what bounds friction, as an impulse and as a part of the
     one that presses (0: given) [k], and impulses to return to [k, 3]; 1 where joints are solved for after each impulse
-    (`braced`), else 0 [k]; accelerations along the normal by swinging (`swinging`) [k]; the coefficient of friction that
+    (`braced`), else 0 [k]; accelerations along the normal by swinging (`swinging`) [k]; the speed along the normal with
+    which bodies go along hollow colliders (`bending`) [k]; the coefficient of friction that
     counts in a solve, of two: that at rest where it holds (`friction`) [k]. `number`: how many there are,
     how many found no room, and 1 where bodies fly and the first touch counts rather than firm rest (`narrow`). `falls`: two
     laws by which restitution falls with the speed of an impact, the smaller of which counts: that of slow ones, the speed
@@ -95,6 +96,7 @@ class Contacts(NamedTuple):
     kept: Any
     braced: Any
     swing: Any
+    bend: Any
     friction: Any
     number: Any
     falls: Any = None
@@ -174,6 +176,7 @@ def new_contacts(room: int, falls: bool = False) -> Contacts:
             np.zeros(room, np.int64),
             np.zeros(room),
             np.zeros(room),
+            np.zeros(room),
             number,
             np.zeros((6, room)) if falls else None,
         ),
@@ -225,7 +228,7 @@ def add_contact(k: Any, i: Any, j: Any, feature: Any, point: Any, normal: Any, g
         return -1
     k.first[number], k.second[number], k.feature[number], k.gap[number] = i, j, feature, gap
     k.names[0, number], k.names[1, number] = i, j
-    k.turns[number], k.braced[number], k.swing[number] = 0, 0, 0.0
+    k.turns[number], k.braced[number], k.swing[number], k.bend[number] = 0, 0, 0.0, 0.0
     k.late[0, number], k.late[1, number] = 0.0, 0.0
     for axis in range(3):
         k.belt[axis, number] = k.lead[axis, number] = 0.0

@@ -63,4 +63,4 @@ def bounded(k: Any, c: Any, impulse: Any) -> Any:
 
 def presses(k: Any, c: Any) -> bool:
     """Whether a contact presses in this step, without rebound."""
-    return bool(k.turns[c] == 0 and k.impulse[c, 0] > 0 and not k.target[c] > 0)
+    return bool(k.turns[c] == 0 and k.impulse[c, 0] > 0 and not k.target[c] > k.bend[c])

@@ -169,7 +169,8 @@ def part_that_gains(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
     that is next to nothing."""
     rebounds = False
     for at in range(motion.contact_from[cluster], motion.contact_from[cluster + 1]):
-        rebounds = rebounds or k.target[k.order[at]] > 0
+        c = k.order[at]
+        rebounds = rebounds or k.target[c] > k.bend[c]
     if rebounds or is_driven(k, motion, cluster):
         return 0.0
     gain, bend, _ = account(b, k, motion, cluster, h)

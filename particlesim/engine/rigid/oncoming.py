@@ -128,7 +128,7 @@ def closes(scene: Any, b: Any, k: Any, motion: Any, c: Any, h: Any) -> float:
     one, two = kick_along(b, k, motion, c, False, h), 0.0
     if j != WORLD:
         two = kick_along(b, k, motion, c, True, h)
-    u, slow = speed_along(k, motion, c, 0), RESTING * (abs(one) + abs(two))
+    u, slow = speed_along(k, motion, c, 0) + k.bend[c], RESTING * (abs(one) + abs(two))
     if -(u + one - two) * h > k.gap[c]:
         return 1.0 if -u > slow else -1.0
     # Two balls that do not close go apart.
@@ -237,7 +237,8 @@ def move_contact(k: Any, c: Any, to: Any) -> None:
         return
     k.first[to], k.second[to], k.feature[to] = k.first[c], k.second[c], k.feature[c]
     k.names[0, to], k.names[1, to] = k.names[0, c], k.names[1, c]
-    k.gap[to], k.turns[to], k.braced[to], k.swing[to] = k.gap[c], k.turns[c], k.braced[c], k.swing[c]
+    k.gap[to], k.turns[to], k.braced[to] = k.gap[c], k.turns[c], k.braced[c]
+    k.swing[to], k.bend[to] = k.swing[c], k.bend[c]
     k.late[0, to], k.late[1, to] = k.late[0, c], k.late[1, c]
     k.aim[0, to], k.aim[1, to] = k.aim[0, c], k.aim[1, c]
     for axis in range(3):

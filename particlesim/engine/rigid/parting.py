@@ -27,6 +27,9 @@ APART = 1e-3
 PART, LIFT, UNNOTICED = 0.2, 0.2, 0.005
 """Part of an overlap that is taken away in a step; part of that, at least, where energy has to pay for it; and what may be
 unpaid besides, as a part of what forces give in a step."""
+DEEPER = 1.25
+"""How deep what goes along a hollow surface is in it in the middle of a step, as it bends in that (`bending`): a quarter of
+that on the way from one end of the step to the other, and as much as it has become faster since it came to the surface."""
 
 
 @shared
@@ -45,7 +48,7 @@ def push_apart(b: Any, k: Any, motion: Any, joints: Any, guests: Any, slop: Any,
         if k.names[0, c] != GUEST:
             m = -1 if guests is None else k.second[c] - guests.first
             carried, who = m >= 0 and guests.crowd.rests[m] == CARRIED, BOTH
-            over = -k.gap[c] - (slop if k.gap[c] < 0 else 0.0)
+            over = -k.gap[c] - (slop + DEEPER * k.bend[c] * h if k.gap[c] < 0 else 0.0)
             if carried and (joints is None or component_of(joints, k.first[c]) < 0):
                 who = FIRST if presses(k, c) else SECOND
             if who == FIRST:

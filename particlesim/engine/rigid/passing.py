@@ -67,7 +67,7 @@ def pass_on(b: Any, k: Any, motion: Any, memory: Any, joints: Any, hearing: Any,
 
 def is_blow(b: Any, k: Any, motion: Any, c: Any, h: Any) -> bool:
     """Whether a contact has a lively impact in a step."""
-    before = k.target[c]
+    before = k.target[c] + k.bend[c]
     if not (k.turns[c] == 0 and before < 0 and k.surface[0, c] >= LIVELY):
         return False
     now = speed_along(k, motion, c, 0)

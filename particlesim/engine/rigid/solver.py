@@ -20,6 +20,7 @@ import numpy as np
 
 from particlesim.compiler import outlined, shared
 from particlesim.engine.interactions.hard.bench import CLOSES, NEAR, REST
+from particlesim.engine.rigid.bending import leaves_with
 from particlesim.engine.rigid.bodies import GUEST, WORLD, row
 from particlesim.engine.rigid.clusters import gather, root
 from particlesim.engine.rigid.contact_rows import direct, speed_along
@@ -120,17 +121,21 @@ def aim(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
         if k.turns[c] == ROLL:
             largest = max(largest, max(abs(speed_along(k, motion, c, 1)), abs(speed_along(k, motion, c, 2))))
             continue
+        bend = k.bend[c] = leaves_with(k.bend[c], -before)
+        came = before + bend
         gap, own = max(k.gap[c], 0.0), k.late[1, c]
         lies_under = not k.late[0, c] > 0 and k.late[3, c] != 0
         free = now + k.late[3, c] if lies_under else now
         room = room_at(k, c, before, free, h)
         if k.names[0, c] == GUEST:
             room = room_at_rest(room, -free, kick_of(b, k, motion, c, h), h)
-        meets = free < -room * (1 - TIED if k.surface[0, c] > 0 else 1.0)
-        quick = before < -max(RESTING * abs(free - before + h * own), QUIET * kick_of(b, k, motion, c, h))
-        rebound = -restitution_at(k, c, -before) * before
-        e = k.surface[0, c] if k.falls is None else restitution_at(k, c, speed_there(before, free, gap, h))
-        struck = before
+        meets = free - bend < -room * (1 - TIED if k.surface[0, c] > 0 else 1.0)
+        quick = came < -max(RESTING * abs(free - before + h * own), QUIET * kick_of(b, k, motion, c, h))
+        rebound = bend - restitution_at(k, c, -came) * came
+        e = k.surface[0, c]
+        if k.falls is not None:
+            e = restitution_at(k, c, speed_there(came, free + bend, gap, h))
+        struck = came
         if k.late[0, c] > 0:
             # At that time of the step it is as fast as all that acts has made it by then, not as at the beginning.
             lies = k.late[2, c] < 0
@@ -146,10 +151,10 @@ def aim(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
             k.late[2, c] = mean if abs(k.late[2, c]) == k.late[0, c] else abs(k.late[2, c])
             k.late[3, c] = mean
         elif lies_under or (k.second[c] == WORLD and 0 < e < 1):
-            rebound = max(turned_around(before, free, gap, e, h), -room)
+            rebound = bend + max(turned_around(came, free + bend, gap, e, h), -room)
         hits = meets and quick and k.turns[c] == 0
         k.struck[c] = -struck if hits else 0.0
-        k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else -room
+        k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else bend - room
         if not (meets and quick and k.surface[0, c] > 0):
             for axis in range(3):
                 # What lies on a surface goes as that does from the middle of this step to that of the next one.
@@ -177,7 +182,7 @@ def solve(b: Any, k: Any, motion: Any, memory: Any, joints: Any, h: Any) -> None
     relax_all(b, k, motion, joints, h)
     rebounds = False
     for c in range(k.number[0]):
-        rebounds = rebounds or (k.target[c] > 0 and k.turns[c] == 0)
+        rebounds = rebounds or (k.target[c] > k.bend[c] and k.turns[c] == 0)
     yields = rebounds and gains(b, k, motion, joints, h)
     if yields:
         yield_energy(b, k, motion, joints, h)
@@ -255,7 +260,7 @@ def yield_energy(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
         if k.turns[c] == 0:
             k.aim[0, c] = k.target[c]
         k.impulse[c, 0] = k.impulse[c, 1] = k.impulse[c, 2] = 0.0
-        k.target[c] = min(k.target[c], 0.0) if k.turns[c] != MOTOR else k.target[c]
+        k.target[c] = min(k.target[c], k.bend[c]) if k.turns[c] != MOTOR else k.target[c]
     relax_all(b, k, motion, joints, h)
     low, bend = motion.low, motion.bend
     for i in range(b.w.size):

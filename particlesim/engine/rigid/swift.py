@@ -25,6 +25,7 @@ from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocit
 from particlesim.compiler import outlined
 from particlesim.engine.queue import empty, new_queue, put_in_order
 from particlesim.engine.rigid.acting import sum_all_forces
+from particlesim.engine.rigid.bending import note_bends
 from particlesim.engine.rigid.bodies import NOBODY, WORLD, new_contacts, orientation, place, row
 from particlesim.engine.rigid.broad import are_joined
 from particlesim.engine.rigid.cells import follow, gather_near, new_body_cells, sort
@@ -212,10 +213,13 @@ def close_to(scene: Any, b: Any, i: Any, j: Any) -> Any:
 
 
 @outlined
-def outlook(scene: Any, b: Any, motion: Any, i: Any, j: Any, fast: Any, known: Any, left: Any) -> float:
+def outlook(
+    scene: Any, b: Any, motion: Any, i: Any, j: Any, fast: Any, known: Any, left: Any, h: Any
+) -> float:
     """For how long bodies i and j, or i and a collider, may go on with the contacts that were found; −1 where they hit each
     other now. No place comes nearer to the other faster than `fast`; where it is not `known` that there are no other
-    contacts on the way, they take a stride at most."""
+    contacts on the way, they take a stride at most. What goes along a hollow collider comes into it in a drift of h, and out
+    again in the next one (`bending`)."""
     s, k = scene.swift, scene.swift.contacts
     touching, left_to = close_to(scene, b, i, j), are_left(scene, b, i, j)
     stride = (SHORT if left_to else STRIDE) * inner(s, i, j) / fast
@@ -228,7 +232,7 @@ def outlook(scene: Any, b: Any, motion: Any, i: Any, j: Any, fast: Any, known: A
         direct(b, k, motion, c, 0, k.first[c], k.second[c], at, n)
         u, g = speed_along(k, motion, c, 0), k.gap[c]
         least = min(least, g)
-        if -u * left > max(g, 0.0) + touching:
+        if -u * left > max(g, 0.0) + touching + k.bend[c] * h:
             if g <= touching:
                 hits = True
             else:
@@ -240,7 +244,7 @@ def outlook(scene: Any, b: Any, motion: Any, i: Any, j: Any, fast: Any, known: A
 
 
 @outlined
-def look_at_wall(scene: Any, wall: Any, b: Any, motion: Any, i: Any, t: Any, left: Any) -> float:
+def look_at_wall(scene: Any, wall: Any, b: Any, motion: Any, i: Any, t: Any, left: Any, h: Any) -> float:
     """For how long body i may go on beside a collider; −1 where it hits it now. Their contacts are in `contacts` then."""
     k = scene.swift.contacts
     fast = speed_of(scene, motion, i) + speed_of_wall(wall, b, i, t)
@@ -252,11 +256,12 @@ def look_at_wall(scene: Any, wall: Any, b: Any, motion: Any, i: Any, t: Any, lef
     k.number[0] = k.number[1] = 0
     k.number[2] = 1 if are_left(scene, b, i, WORLD) else 0
     touch_wall(scene, wall, b, k, i, fast * left + close_to(scene, b, i, WORLD), t, 0.0)
-    return outlook(scene, b, motion, i, WORLD, fast, True, left)
+    note_bends(scene, wall.shape, b, k, i, 0, t, 2 * h)
+    return outlook(scene, b, motion, i, WORLD, fast, True, left, h)
 
 
 @outlined
-def look_at_body(scene: Any, b: Any, motion: Any, i: Any, j: Any, now: Any, left: Any) -> float:
+def look_at_body(scene: Any, b: Any, motion: Any, i: Any, j: Any, now: Any, left: Any, h: Any) -> float:
     """The same beside body j."""
     s, k = scene.swift, scene.swift.contacts
     if has_seen(scene, j, i, now):
@@ -273,7 +278,7 @@ def look_at_body(scene: Any, b: Any, motion: Any, i: Any, j: Any, now: Any, left
     k.number[0] = k.number[1] = 0
     k.number[2] = 1 if are_left(scene, b, i, j) else 0
     touch(b, k, scene.surfaces, min(i, j), max(i, j), fast * left + close_to(scene, b, i, j))
-    return outlook(scene, b, motion, i, j, fast, s.core[i] > 0 and s.core[j] > 0, left)
+    return outlook(scene, b, motion, i, j, fast, s.core[i] > 0 and s.core[j] > 0, left, h)
 
 
 def has_seen(scene: Any, j: Any, i: Any, now: Any) -> bool:
@@ -286,12 +291,12 @@ def has_seen(scene: Any, j: Any, i: Any, now: Any) -> bool:
 
 
 @outlined
-def look_at_walls(scene: Any, b: Any, motion: Any, i: Any, t: Any, left: Any, late: Any) -> float:
+def look_at_walls(scene: Any, b: Any, motion: Any, i: Any, t: Any, left: Any, late: Any, h: Any) -> float:
     """For how long body i may go on at time t beside all colliders; −1 where it has rebounded from one."""
     s, least = scene.swift, left
     for wall in scene.walls:
         if least >= 0 and wall.on[b.group[i]] > 0:
-            least = min(least, look_at_wall(scene, wall, b, motion, i, t, left))
+            least = min(least, look_at_wall(scene, wall, b, motion, i, t, left, h))
             if least < 0:
                 close = 2 * close_to(scene, b, i, WORLD)
                 if scene.hearing is not None:
@@ -301,7 +306,9 @@ def look_at_walls(scene: Any, b: Any, motion: Any, i: Any, t: Any, left: Any, la
 
 
 @outlined
-def look_at_bodies(scene: Any, b: Any, motion: Any, i: Any, t: Any, now: Any, left: Any, late: Any) -> Any:
+def look_at_bodies(
+    scene: Any, b: Any, motion: Any, i: Any, t: Any, now: Any, left: Any, late: Any, h: Any
+) -> Any:
     """For how long body i may go on at time t beside all others, and the one that it has rebounded from, NOBODY if there
     is none."""
     s, least, hit, speed = scene.swift, left, NOBODY, speed_of(scene, motion, i)
@@ -309,7 +316,7 @@ def look_at_bodies(scene: Any, b: Any, motion: Any, i: Any, t: Any, now: Any, le
     for at in range(count):
         j = s.near[at]
         if hit == NOBODY and j != i and may_meet(scene, b, i, j, speed, now, left):
-            free = look_at_body(scene, b, motion, i, j, now, left)
+            free = look_at_body(scene, b, motion, i, j, now, left, h)
             least = min(least, free)
             if free < 0:
                 close = 2 * close_to(scene, b, i, j)
@@ -386,10 +393,10 @@ def go_on(scene: Any, b: Any, motion: Any, i: Any, t: Any, h: Any, second: Any) 
     late = now - h if second else now
     bring(b, s, i, now)
     velocity_of(b, motion, i)
-    free = look_at_walls(scene, b, motion, i, t + now, h - now, late)
+    free = look_at_walls(scene, b, motion, i, t + now, h - now, late, h)
     struck = free < 0
     if not struck:
-        beside, hit = look_at_bodies(scene, b, motion, i, t + now, now, h - now, late)
+        beside, hit = look_at_bodies(scene, b, motion, i, t + now, now, h - now, late, h)
         free = min(free, beside)
         struck = hit != NOBODY
     s.looks[i] += 1

@@ -16,12 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.bodies.pieces import CAPSULE, SPHERE
 from particlesim.compiler import outlined
-from particlesim.engine.rigid.bodies import FEATURES, WORLD, place, row
+from particlesim.engine.rigid.bending import core_of
+from particlesim.engine.rigid.bodies import WORLD, place, row
 from particlesim.engine.rigid.joints import component_of
-from particlesim.engine.rigid.manifold import SPAN
-from particlesim.engine.rigid.narrow import minus, plus
+from particlesim.engine.rigid.narrow import minus
 from particlesim.engine.rigid.rotation import angular_velocity, cross, dot
 
 ALLOWED = 0.1
@@ -42,11 +41,8 @@ def watch_swings(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
             continue
         if component_of(joints, i) < 0:
             continue
-        g, p = b.group[i], b.pieces
-        number = p.first[g] + (k.feature[c] % FEATURES) // SPAN
-        radius = p.size[0, number] if p.kind[number] == SPHERE or p.kind[number] == CAPSULE else 0.0
         n, now, was = row(k.normal, c), motion.now[i], joints.before[i]
-        arm = minus(plus(row(k.point, c), k.gap[c] + radius, n), place(b, i))
+        arm = minus(core_of(b, k, c), place(b, i))
         turning = (now[3], now[4], now[5])
         before = angular_velocity(
             (was[3], was[4], was[5], was[6]), (was[10], was[11], was[12]), row(b.inertia, i)

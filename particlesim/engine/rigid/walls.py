@@ -22,6 +22,7 @@ from particlesim.colliders.moving import MovingRecord, carried, frame_at, out_of
 from particlesim.colliders.response import FallingRecord
 from particlesim.colliders.sphere import BallRecord
 from particlesim.compiler import outlined
+from particlesim.engine.rigid.bending import note_bends
 from particlesim.engine.rigid.bodies import (
     FEATURES,
     WORLD,
@@ -104,6 +105,8 @@ def touch_wall(scene: Any, wall: Any, b: Any, k: Any, i: Any, margin: Any, t: An
         set_wall(wall, k, number, t)
     if isinstance(wall.shape, MovingRecord) and k.number[0] > begin:
         note_lead(wall.shape, k, place(b, i), row(b.v, i), begin, t, h)
+    if h > 0:
+        note_bends(scene, wall.shape, b, k, i, begin, t, h)
 
 
 @outlined

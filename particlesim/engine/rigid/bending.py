@@ -1,0 +1,130 @@
+"""How a collider bends along the way of what lies on it.
+
+What lies on a hollow surface and goes along it with the velocity u has to turn with it. From the middle of one step to that
+of the next, h later, it goes straight on; the normal n has turned against it by then. So in the middle of a step a place of
+the body that stays on the surface comes up with u·n = −b and leaves with u·n = b,
+
+    b = −h/2 (d(n·u)/dt + n·(ω × (ω × r))),
+
+with u relative to the surface, whose change is that along a straight way, and the last term for what its own turning with ω
+takes, a place r away from the centre. On the inside of a sphere of radius R that is u² h/(2R). With u·n = 0 instead it would
+lose a part (u h/R)²/2 of its energy in a step. Where the surface bends away it has a gap to fall into.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from particlesim.bodies.pieces import CAPSULE, CONE, CYLINDER, SPHERE
+from particlesim.colliders.disc import DiscRecord
+from particlesim.colliders.mesh import MeshRecord
+from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
+from particlesim.colliders.rectangle import RectangleRecord
+from particlesim.colliders.sphere import BallRecord
+from particlesim.compiler import outlined
+from particlesim.engine.rigid.bodies import FEATURES, orientation, place, row
+from particlesim.engine.rigid.box_walls import is_box, is_room
+from particlesim.engine.rigid.manifold import SPAN
+from particlesim.engine.rigid.narrow import minus, plus
+from particlesim.engine.rigid.pieces import solid_of
+from particlesim.engine.rigid.point_walls import FLAT
+from particlesim.engine.rigid.probing import away, probe
+from particlesim.engine.rigid.rotation import angular_velocity, cross, dot, matrix, to_world
+
+STRAIGHT = (*FLAT, BallRecord, DiscRecord, MeshRecord, RectangleRecord)
+"""Shapes of flat sides, and what is round outside only."""
+UNEVEN = 0.25
+"""By how much normals may turn more on one half of the way than on the other, as a part of all, on a surface that bends:
+else there is an edge or a corner."""
+KEEPS = 0.9
+"""Part that is kept of a speed by which something comes up to a surface a little faster than by its bend."""
+LYING = 0.5
+"""Cosine of the angle between the axis of a cylinder and the normal, below which it may roll there."""
+
+
+def bends(shape: Any) -> bool:
+    """Whether a collider may be hollow somewhere without an edge."""
+    if is_box(shape) or is_room(shape):
+        return False
+    if isinstance(shape, MovingRecord):
+        return not isinstance(shape.shape, STRAIGHT)
+    return not isinstance(shape, STRAIGHT)
+
+
+def note_bends(scene: Any, shape: Any, b: Any, k: Any, i: Any, begin: Any, t: Any, h: Any) -> None:
+    """Note how a collider bends along the way of body i in a step of h, the middle of which is at t, at its contacts from
+    `begin` on. Bodies in joints do not go straight on."""
+    if bends(shape) and not (scene.joints is not None and scene.joined[i] > 0):
+        for c in range(begin, k.number[0]):
+            note_bend(shape, b, k, i, c, t, h)
+
+
+@outlined
+def note_bend(shape: Any, b: Any, k: Any, i: Any, c: Any, t: Any, h: Any) -> None:
+    """The same at contact c."""
+    n = row(k.normal, c)
+    at = place_of(b, k, c)
+    arm = minus(at, place(b, i))
+    turning = angular_velocity(orientation(b, i), row(b.spin, i), row(b.inertia, i))
+    u = plus(row(b.v, i), 1.0, cross(turning, arm))
+    slides = slides_at(shape, at, u, t)
+    if not dot(slides, slides) > 0:
+        return
+    # It has come from where it was in the middle of the last step, and goes off as it has come.
+    out = dot(slides, n)
+    parts = plus(u, -2 * out, n)
+    before = speed_off(shape, plus(at, -h, u), u, t - h)
+    after = speed_off(shape, plus(at, h, parts), parts, t + h)
+    one, two = out - before, after + out
+    bend = -0.25 * (one + two) - 0.5 * h * dot(n, cross(turning, cross(turning, arm)))
+    if bend > 0 and abs(two - one) <= UNEVEN * abs(one + two):
+        k.bend[c] = bend
+        if isinstance(shape, MovingRecord):  # its lead is in that
+            lead = dot(row(k.lead, c), n)
+            for axis in range(3):
+                k.lead[axis, c] -= lead * k.normal[axis, c]
+
+
+def slides_at(shape: Any, at: Any, u: Any, t: Any) -> Any:
+    """A velocity relative to that of a collider at a place and a time."""
+    if isinstance(shape, MovingRecord):
+        return minus(u, surface_velocity(shape, frame_at(shape, t, 0.0), at[0], at[1], at[2]))
+    return u
+
+
+def speed_off(shape: Any, at: Any, u: Any, t: Any) -> Any:
+    """How fast a place with a velocity moves away from a collider at a time."""
+    return dot(slides_at(shape, at, u, t), away(shape, probe(at, 0.0, t)))
+
+
+def leaves_with(bend: Any, approach: Any) -> Any:
+    """The speed with which what has come up to a surface that bends leaves it, so that it stays there: no faster than it has
+    come, and nearly as fast where it has come a little faster than by the bend, as what forces make faster does."""
+    more = approach - bend
+    if more < 0:
+        return max(approach, 0.0)
+    return bend + KEEPS * more if more < bend else bend
+
+
+def place_of(b: Any, k: Any, c: Any) -> Any:
+    """The corner of a body, or the place about which it may roll, at its contact c with a collider."""
+    i, at = k.first[c], core_of(b, k, c)
+    number = piece_of(b, k, c)
+    if b.pieces.kind[number] in (CYLINDER, CONE):
+        s = solid_of(b.pieces, number, place(b, i), matrix(orientation(b, i)))
+        axis = to_world(s.r, (0.0, 0.0, 1.0))
+        if abs(dot(row(k.normal, c), axis)) < LYING:
+            return plus(s.x, dot(minus(at, s.x), axis), axis)
+    return at
+
+
+def core_of(b: Any, k: Any, c: Any) -> Any:
+    """The corner of a body, or the place about which it has its radius, at its contact c with a collider."""
+    number, p = piece_of(b, k, c), b.pieces
+    radius = p.size[0, number] if p.kind[number] in (SPHERE, CAPSULE) else 0.0
+    return plus(row(k.point, c), k.gap[c] + radius, row(k.normal, c))
+
+
+def piece_of(b: Any, k: Any, c: Any) -> int:
+    """The number of the piece of the first body at contact c."""
+    return int(b.pieces.first[b.group[k.first[c]]] + (k.feature[c] % FEATURES) // SPAN)
