@@ -76,6 +76,18 @@ def test_what_swings_in_a_trough_keeps_its_energy(
     assert run.ledger["kinetic"][-int(0.6 / dt) :].max() == pytest.approx(most, rel=5 * loss)
 
 
+def test_a_ball_that_rolls_around_a_funnel_keeps_its_energy() -> None:
+    """The axis about which it turns goes around, by friction alone, which took 1 % of it in two seconds."""
+    funnel = {"type": "cone", "start": [0, 0.1, 0], "end": [0, -0.1, 0], "radius": 0.3, "inside": True}
+    touches = np.array([0.09, 0.09 / 1.5 - 0.1, 0.0]) + SIZE / np.hypot(1.5, 1.0) * np.array([-1.0, 1.5, 0.0])
+    body = {**BALL, "position": touches.tolist(), "velocity": [0, 0, 0.6], "friction": 0.8}
+    run = go({**funnel, "friction": 0.8, "restitution": 0}, body, 1e-3, 2.5)
+    energy, most = energy_of(run), run.ledger["kinetic"].max()
+    rolls = 500  # steps, in which it slips
+    assert energy[rolls:].max() <= energy[rolls] + 1e-9 * most
+    assert energy[-1] > energy[rolls] - 1e-4 * most
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_small_swings_have_the_period_of_a_pendulum(friction: float) -> None:
     """T = 2π √(l (1 + I/(m r²))/g), l = R − r, with I/(m r²) = 2/5 where the ball rolls."""

@@ -9,11 +9,17 @@ the body that stays on the surface comes up with u·n = −b and leaves with u·
 with u relative to the surface, whose change is that along a straight way, and the last term for what its own turning with ω
 takes, a place r away from the centre. On the inside of a sphere of radius R that is u² h/(2R). With u·n = 0 instead it would
 lose a part (u h/R)²/2 of its energy in a step. Where the surface bends away it has a gap to fall into.
+
+What rolls there has an axis that does not turn from one middle to the next, while the normal turns by Δn: it slips by
+σ = ρ ω × Δn/2 after the impulses of each, and by −σ before those of the next one, with ρ the radius at the contact. So
+friction, which turns the axis, does no work. With no slip at all it takes some, of first order in h.
 """
 
 from __future__ import annotations
 
 from typing import Any
+
+import numpy as np
 
 from particlesim.bodies.pieces import CAPSULE, CONE, CYLINDER, SPHERE
 from particlesim.colliders.disc import DiscRecord
@@ -25,7 +31,7 @@ from particlesim.compiler import outlined
 from particlesim.engine.rigid.bodies import FEATURES, orientation, place, row
 from particlesim.engine.rigid.box_walls import is_box, is_room
 from particlesim.engine.rigid.manifold import SPAN
-from particlesim.engine.rigid.narrow import minus, plus
+from particlesim.engine.rigid.narrow import entry, minus, plus
 from particlesim.engine.rigid.pieces import solid_of
 from particlesim.engine.rigid.point_walls import FLAT
 from particlesim.engine.rigid.probing import away, probe
@@ -53,7 +59,7 @@ def bends(shape: Any) -> bool:
 
 def note_bends(scene: Any, shape: Any, b: Any, k: Any, i: Any, begin: Any, t: Any, h: Any) -> None:
     """Note how a collider bends along the way of body i in a step of h, the middle of which is at t, at its contacts from
-    `begin` on. Bodies in joints do not go straight on."""
+    `begin` on: b and σ. Bodies in joints do not go straight on."""
     if bends(shape) and not (scene.joints is not None and scene.joined[i] > 0):
         for c in range(begin, k.number[0]):
             note_bend(shape, b, k, i, c, t, h)
@@ -73,12 +79,19 @@ def note_bend(shape: Any, b: Any, k: Any, i: Any, c: Any, t: Any, h: Any) -> Non
     # It has come from where it was in the middle of the last step, and goes off as it has come.
     out = dot(slides, n)
     parts = plus(u, -2 * out, n)
-    before = speed_off(shape, plus(at, -h, u), u, t - h)
-    after = speed_off(shape, plus(at, h, parts), parts, t + h)
-    one, two = out - before, after + out
+    behind, ahead = plus(at, -h, u), plus(at, h, parts)
+    was, then = away(shape, probe(behind, 0.0, t - h)), away(shape, probe(ahead, 0.0, t + h))
+    one = out - dot(slides_at(shape, behind, u, t - h), was)
+    two = out + dot(slides_at(shape, ahead, parts, t + h), then)
     bend = -0.25 * (one + two) - 0.5 * h * dot(n, cross(turning, cross(turning, arm)))
     if bend > 0 and abs(two - one) <= UNEVEN * abs(one + two):
         k.bend[c] = bend
+        away_from = minus(row(k.point, c), at)
+        size = np.sqrt(dot(away_from, away_from))
+        slip = cross(turning, minus(then, was))
+        out = dot(slip, n)
+        for axis in range(3):
+            k.slip[axis, c] = 0.25 * size * (entry(slip, axis) - out * k.normal[axis, c])
         if isinstance(shape, MovingRecord):  # its lead is in that
             lead = dot(row(k.lead, c), n)
             for axis in range(3):
@@ -90,11 +103,6 @@ def slides_at(shape: Any, at: Any, u: Any, t: Any) -> Any:
     if isinstance(shape, MovingRecord):
         return minus(u, surface_velocity(shape, frame_at(shape, t, 0.0), at[0], at[1], at[2]))
     return u
-
-
-def speed_off(shape: Any, at: Any, u: Any, t: Any) -> Any:
-    """How fast a place with a velocity moves away from a collider at a time."""
-    return dot(slides_at(shape, at, u, t), away(shape, probe(at, 0.0, t)))
 
 
 def leaves_with(bend: Any, approach: Any) -> Any:

@@ -51,10 +51,10 @@ class Surfaces(NamedTuple):
 
 class Contacts(NamedTuple):
     """Contacts of a step: the two bodies and what tells the contact from others of theirs [k], and names for the two that
-    last, where those of bodies do not (`GUEST`) [2, k]; where, and the normal
-    from the second to the first [3, k]; the gap [k]; restitution, static and kinetic friction [3, k]; velocity of a
-    collider's surface in the middle of the step, and by how much it is another at the end, where the
-    body lies [3, k]; speed to be reached along the normal [k]; the speed of an impact on a collider, 0 without
+    last, where those of bodies do not (`GUEST`) [2, k]; where, and the normal from the second to the first [3, k]; the gap
+    [k]; restitution, static and kinetic friction [3, k]; velocity of a collider's surface in the middle of the step, by how
+    much it is another at the end, where the body lies, and that with which what rolls on a bent one leaves it (`bending`)
+    [3, k]; speed to be reached along the normal [k]; the speed of an impact on a collider, 0 without
     [k]; of impacts of particles the time since the step began, 0 of other contacts, how much else accelerates them along
     the normal, the time at which the kick of the step counts as given, or `energy.LIES`, and how much more they are
     pulled back by forces that change where the impulse shifts them, as w k τ² by a spring k [4, k]; impulses along the
@@ -81,6 +81,7 @@ class Contacts(NamedTuple):
     surface: Any
     belt: Any
     lead: Any
+    slip: Any
     target: Any
     struck: Any
     late: Any
@@ -156,12 +157,12 @@ def new_contacts(room: int, falls: bool = False) -> Contacts:
     """Room for contacts, the restitution of some of which `falls` with the speed of impacts."""
     first, second, feature = (np.zeros(room, np.int64) for _ in range(3))
     names = np.zeros((2, room), np.int64)
-    point, normal, surface, belt, lead = (np.zeros((3, room)) for _ in range(5))
+    point, normal, surface, belt, lead, slip = (np.zeros((3, room)) for _ in range(6))
     gap, target, struck, late = np.zeros(room), np.zeros(room), np.zeros(room), np.zeros((4, room))
     impulse, rows, number = np.zeros((room, 4)), np.zeros((room, 3, ROW)), np.zeros(3, np.int64)
     before, onward, order = np.zeros((room, 3)), np.zeros((room, 3)), np.zeros(room, np.int64)
     return Contacts(
-        *(first, second, feature, names, point, normal, gap, surface, belt, lead, target, struck, late),
+        *(first, second, feature, names, point, normal, gap, surface, belt, lead, slip, target, struck, late),
         *(
             impulse,
             rows,
@@ -231,7 +232,7 @@ def add_contact(k: Any, i: Any, j: Any, feature: Any, point: Any, normal: Any, g
     k.turns[number], k.braced[number], k.swing[number], k.bend[number] = 0, 0, 0.0, 0.0
     k.late[0, number], k.late[1, number] = 0.0, 0.0
     for axis in range(3):
-        k.belt[axis, number] = k.lead[axis, number] = 0.0
+        k.belt[axis, number] = k.lead[axis, number] = k.slip[axis, number] = 0.0
     k.point[0, number], k.point[1, number], k.point[2, number] = point
     k.normal[0, number], k.normal[1, number], k.normal[2, number] = normal
     k.number[0] = number + 1

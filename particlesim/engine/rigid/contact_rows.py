@@ -20,7 +20,8 @@ def speed_along(k: Any, motion: Any, c: Any, d: Any) -> Any:
         u -= e[0] * m[0] + e[1] * m[1] + e[2] * m[2] + e[6] * m[3] + e[7] * m[4] + e[8] * m[5]
     else:
         at = 3 if k.turns[c] == ROLL else 0
-        u -= e[at] * k.belt[0, c] + e[at + 1] * k.belt[1, c] + e[at + 2] * k.belt[2, c]
+        x, y, z = k.belt[0, c] + k.slip[0, c], k.belt[1, c] + k.slip[1, c], k.belt[2, c] + k.slip[2, c]
+        u -= e[at] * x + e[at + 1] * y + e[at + 2] * z
     return u
 
 

@@ -245,6 +245,7 @@ def move_contact(k: Any, c: Any, to: Any) -> None:
         k.point[axis, to], k.normal[axis, to] = k.point[axis, c], k.normal[axis, c]
         k.surface[axis, to] = k.surface[axis, c]
         k.belt[axis, to], k.lead[axis, to] = k.belt[axis, c], k.lead[axis, c]
+        k.slip[axis, to] = k.slip[axis, c]
     if k.falls is not None:
         for law in range(6):
             k.falls[law, to] = k.falls[law, c]

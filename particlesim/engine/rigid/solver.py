@@ -155,8 +155,10 @@ def aim(b: Any, k: Any, motion: Any, cluster: Any, h: Any) -> float:
         hits = meets and quick and k.turns[c] == 0
         k.struck[c] = -struck if hits else 0.0
         k.target[c] = rebound if meets and quick and k.surface[0, c] > 0 else bend - room
-        if not (meets and quick and k.surface[0, c] > 0):
-            for axis in range(3):
+        for axis in range(3):
+            if meets and quick and k.surface[0, c] > 0:
+                k.slip[axis, c] = 0.0
+            else:
                 # What lies on a surface goes as that does from the middle of this step to that of the next one.
                 k.belt[axis, c] += k.lead[axis, c]
         largest = max(largest, max(abs(now), abs(now - before)))
