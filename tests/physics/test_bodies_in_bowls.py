@@ -151,3 +151,16 @@ def test_a_smooth_pipe_that_moves_does_the_same(motion: str) -> None:
         led = {"collider": "pipe", "spin": {"axis": [1, 0, 0], "rate": 20}}
     moving = go(wall, body, 1e-3, 1.0, motions=[led])
     assert moving.ledger["momentum.y"] == pytest.approx(at_rest.ledger["momentum.y"], abs=1e-6)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.3])
+@pytest.mark.parametrize("lean", [0.0, 0.04, -0.04])
+def test_a_wall_that_is_met_from_a_floor_is_no_bend(lean: float, restitution: float) -> None:
+    """The places before and behind are next to the floor, and tell nothing of the wall: it had thrown balls back with up to
+    0.97 of their speed."""
+    cup = {"type": "cone", "start": [0, 0, 0], "end": [0, 0.5, 0], "radius": 0.2, "end_radius": 0.2 + lean}
+    cup |= {"inside": True, "restitution": restitution}
+    for start in (0.0, 3e-4, 1.7e-3):
+        body = {**BALL, "position": [start, SIZE, 0.0], "velocity": [1.0, 0.0, 0.0]}
+        along = go(cup, body, 1e-3, 0.3).ledger["momentum.x"]
+        assert along.min() / along[0] == pytest.approx(-restitution, abs=0.02)

@@ -42,6 +42,8 @@ STRAIGHT = (*FLAT, BallRecord, DiscRecord, MeshRecord, RectangleRecord)
 UNEVEN = 0.25
 """By how much normals may turn more on one half of the way than on the other, as a part of all, on a surface that bends:
 else there is an edge or a corner."""
+PART_OF_TURN = 0.4
+"""Square of the turn of the normal on each half of the way, at most, over that of all of it: a quarter where it is even."""
 KEEPS = 0.9
 """Part that is kept of a speed by which something comes up to a surface a little faster than by its bend."""
 LYING = 0.5
@@ -84,7 +86,7 @@ def note_bend(shape: Any, b: Any, k: Any, i: Any, c: Any, t: Any, h: Any) -> Non
     one = out - dot(slides_at(shape, behind, u, t - h), was)
     two = out + dot(slides_at(shape, ahead, parts, t + h), then)
     bend = -0.25 * (one + two) - 0.5 * h * dot(n, cross(turning, cross(turning, arm)))
-    if bend > 0 and abs(two - one) <= UNEVEN * abs(one + two):
+    if bend > 0 and abs(two - one) <= UNEVEN * abs(one + two) and is_one_turn(was, n, then):
         k.bend[c] = bend
         away_from = minus(row(k.point, c), at)
         size = np.sqrt(dot(away_from, away_from))
@@ -96,6 +98,14 @@ def note_bend(shape: Any, b: Any, k: Any, i: Any, c: Any, t: Any, h: Any) -> Non
             lead = dot(row(k.lead, c), n)
             for axis in range(3):
                 k.lead[axis, c] -= lead * k.normal[axis, c]
+
+
+def is_one_turn(was: Any, n: Any, then: Any) -> bool:
+    """Whether a normal is about half-way between two others, as on a surface that bends. Beside an edge or in a corner the
+    others are those of another side."""
+    one, two, all_of_it = minus(n, was), minus(then, n), minus(then, was)
+    most = PART_OF_TURN * dot(all_of_it, all_of_it)
+    return bool(dot(one, one) <= most and dot(two, two) <= most)
 
 
 def slides_at(shape: Any, at: Any, u: Any, t: Any) -> Any:
