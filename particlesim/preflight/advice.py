@@ -242,7 +242,7 @@ def _explicit(scenario: Scenario) -> list[str]:
     numbers = {group.name: group for group in scenario.groups}
     found = []
     for each in pair_sets(scenario):
-        if not isinstance(methods[each.groups[0]], ImplicitMethod):
+        if not isinstance(methods[each.groups[0]], ImplicitMethod) or each.law.by_impulses:
             continue
         count = int(sum(number_of(numbers[name], scenario) for name in each.groups))
         if each.law.is_contact or chosen_in(scenario, each, count) not in IN_MATRICES:

@@ -496,3 +496,34 @@ def test_what_rests_stays_to_the_last_bit(where: str, precision: str) -> None:
         assert (state.v[:, 0] == 0).all()
         assert (state.x[:, 0] == start).all()
     simulation.close()
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("slope", [20.0, 45.0, 70.0])
+def test_a_ball_that_rolls_off_a_slope_is_rubbed_by_the_floor_alone(slope: float, first: int) -> None:
+    """It leaves the slope as it hits the floor, about which its angular momentum stays: v' = (5 v cos θ + 2 v)/7. The slope
+    had rubbed it once more, by what the floor has given: at 45° that took 13 % of the energy, however short the step."""
+    angle, r, v, way = math.radians(slope), 0.05, 2.0, 0.1
+    cos, sin = math.cos(angle), math.sin(angle)
+    begin = (r * (1 - cos) / sin - way * cos, r + way * sin, 0.0)
+    planes = [
+        {"normal": [sin, cos, 0], "restitution": 0, "friction": 1.5},
+        {"normal": [0, 1, 0], "restitution": 0, "friction": 1.5},
+    ]
+    for dt in (2e-3, 5e-4):
+        final = simulate(
+            0.2,
+            dt,
+            particles=[
+                points(
+                    begin,
+                    velocity=[[v * cos, -v * sin, 0]],
+                    radius=r,
+                    mass=1.0,
+                    angular_velocity=[[0, 0, -v / r]],
+                )
+            ],
+            interactions=[{"type": "contact", "friction": 0.5, "restitution": 0.5}],
+            planes=planes[first:] + planes[:first],
+        ).final
+        assert final.velocity[0] == pytest.approx([(5 * cos + 2) * v / 7, 0, 0], abs=1e-6)

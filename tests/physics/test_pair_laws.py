@@ -445,6 +445,14 @@ def test_it_is_said_that_far_pairs_are_explicit_in_implicit_methods() -> None:
     assert "gravity is not in the matrix of backward_euler" in doubts(0.02, 0.01, "backward_euler", **parts)
 
 
+def test_impulses_are_no_forces_that_a_matrix_could_lack() -> None:
+    grains = {"particles": [points((0, 0, 0), (0.1, 0, 0), radius=0.02)]}
+    for model, says in (("impulse", False), ("linear", True)):
+        law = {"type": "contact", "model": model} | ({"stiffness": 1e3} if says else {})
+        told = doubts(0.02, 0.01, "backward_euler", interactions=[law], **grains)
+        assert ("not in the matrix" in told) == says
+
+
 def test_charges_of_zero_do_nothing() -> None:
     group = points((0, 0, 0), (1, 0, 0), name="a", mass=1.0, charge=0.0)
     simulation = simulation_of(3, 0.01, particles=[group], interactions=[{"type": "coulomb"}])

@@ -30,7 +30,7 @@ from particlesim.engine.step.crossing import all_apart, straight
 from particlesim.engine.step.lateness import along_contacts, hastened
 from particlesim.engine.step.lying import settled, settled_one
 from particlesim.engine.step.particle_step import kick
-from particlesim.engine.step.resting import stays, turns
+from particlesim.engine.step.resting import glides_in, stays, turns
 from particlesim.laws.registry import PASS, moved_to
 
 
@@ -90,9 +90,10 @@ def _rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
 
 
 def turning(contacts: Any) -> bool:
-    """Whether what presses may change along the way of what lies on some collider, none of which runs."""
+    """Whether what presses may change along the way of what lies on some collider, none of which runs but round ones that
+    are led."""
     turn = any(c.response.turning is not None or turns(c) for c in contacts.continuous)
-    return turn and not any(map(runs, contacts.continuous))
+    return turn and all(not runs(c) or glides_in(c) for c in contacts.continuous)
 
 
 def rest_behind(forces: Any, contacts: Any, p: Any, q: Any, h: Any) -> Any:

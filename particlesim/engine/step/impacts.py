@@ -29,7 +29,7 @@ from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.response import along
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
-from particlesim.engine.step.at_rest import turning
+from particlesim.engine.step.at_rest import runs, turning
 from particlesim.engine.step.contacts import (
     Careful,
     Simple,
@@ -138,7 +138,11 @@ def _trace(method: Any, dynamics: Any, forces: Any, contacts: Any, p: Any, h: An
     if len(contacts.continuous) == 0:
         q, after = advance(method, dynamics, forces, p, h, memory)
         legal, outcome, hit, exhausted, struck = p, PASS, silence(contacts.discrete, p), False, NOTHING
-    elif isinstance(method, (CompositionRecord, VerletRecord)) and turning(contacts):
+    elif (
+        isinstance(method, (CompositionRecord, VerletRecord))
+        and turning(contacts)
+        and not any(map(runs, contacts.continuous))
+    ):
         q, after, outcome, hit, exhausted, legal, struck = _under_turning(
             method, dynamics, forces, contacts, p, h, memory
         )

@@ -45,7 +45,8 @@ def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
     frame."""
     if isinstance(c.shape, MovingRecord):
         s, end = ride_until(c.shape, p, q.t), ride(c.shape, q)
-        here, r, turn = _borne(at_rest(c), ride(c.shape, p), s, end, h, tolerance, slack, sure, False)
+        still = c.shape.spin is None
+        here, r, turn = _borne(at_rest(c), ride(c.shape, p), s, end, h, tolerance, slack, sure, still)
         return here, alight_after(c.shape, r, end), turn
     return _borne(c, p, p, q, h, tolerance, slack, sure, True)
 

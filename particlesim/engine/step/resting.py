@@ -24,6 +24,7 @@ import numpy as np
 
 from particlesim.colliders.box import BoxRecord
 from particlesim.colliders.dents import dented
+from particlesim.colliders.moving import MovingRecord
 from particlesim.colliders.plane import HalfSpaceRecord, PlaneRecord
 from particlesim.colliders.pose import ShiftedRecord, TurnedRecord
 from particlesim.colliders.response import (
@@ -171,6 +172,8 @@ def glides_in(c: Any) -> bool:
 
 def round_inside(shape: Any) -> bool:
     """Whether a shape is the inside of a sphere, or of a solid with round sides and no dents."""
+    if isinstance(shape, MovingRecord):
+        return shape.spin is None and round_inside(shape.shape)
     if isinstance(shape, (ShiftedRecord, TurnedRecord)):
         return round_inside(shape.shape)
     if isinstance(shape, HollowConvexRecord):

@@ -40,6 +40,9 @@ SAME_SIDE = 1.5
 """The length of the sum of two normals from which on they are of one side of a collider."""
 STILL = 1e-18
 """Speed that is none [m/s]: processors know inverse roots of its square in single precision no more."""
+SHARED, COARSELY, MOST_SHARES = 1e-12, 1e-6, 200
+"""The change of what colliders share, as a part of all, below which it is found, also in single precision, and the turns
+until then at most."""
 TURNS = 8
 """Turns between sliding and rolling friction of what slides."""
 
@@ -157,17 +160,12 @@ def rubbed(colliders: Any, rolling: Any, c: Any, i: Any, p: Any, q: Any, r: Any,
     if left[0] != 0 or left[1] != 0 or left[2] != 0:
         far = h * (_size(q) + _size(r)) + type_of(h, NEAR) * r.r
         dx, dy, dz = left[0] - left[0], left[1] - left[1], left[2] - left[2]
-        for each in colliders:
-            g, axes = gap_and_normal(each.shape, r)
-            n = tuple(g - g if axis is None else axis for axis in axes)
-            push = left[0] * n[0] + left[1] * n[1] + left[2] * n[2]
-            if (push > 0) & (g < far):
-                left = tuple(a - push * axis for a, axis in zip(left, n, strict=True))
-                if each.response.friction is not None:
-                    m = between(each, p, n)
-                    x, y, z = rub(each, rolling, c, i, r, n, m, push)
-                    r = moved_to(r, r.x, r.y, r.z, r.vx + x, r.vy + y, r.vz + z, r.t)
-                    dx, dy, dz = dx + x, dy + y, dz + z
+        normals, pushes = shared_by(colliders, r, left, far)
+        for each, n, push in zip(colliders, normals, pushes, strict=True):
+            if each.response.friction is not None and push > 0:
+                x, y, z = rub(each, rolling, c, i, r, n, between(each, p, n), push)
+                r = moved_to(r, r.x, r.y, r.z, r.vx + x, r.vy + y, r.vz + z, r.t)
+                dx, dy, dz = dx + x, dy + y, dz + z
         # a force that acts all through the step; an impact takes place in the middle of it, on average
         half = way_of(p, q, h) * h
         there = moved_to(r, r.x + half * dx, r.y + half * dy, r.z + half * dz, r.vx, r.vy, r.vz, r.t)
@@ -176,6 +174,37 @@ def rubbed(colliders: Any, rolling: Any, c: Any, i: Any, p: Any, q: Any, r: Any,
         if near & (_least(colliders, there) >= min(_least(colliders, r), h - h) - type_of(h, NEAR) * r.r):
             r = there
     return r
+
+
+def shared_by(colliders: Any, r: Any, change: Any, far: Any) -> tuple[Any, Any]:
+    """The normals of colliders at r, and by how much each of them has changed a velocity along its own [m/s], if they have
+    changed it all together: as much as is left, by turns, which ends where none would have to pull. What is farther away has
+    given nothing."""
+    normals: tuple[Any, ...] = ()
+    pushes: tuple[Any, ...] = ()
+    near: tuple[Any, ...] = ()
+    left, count = change, 0
+    for each in colliders:
+        g, axes = gap_and_normal(each.shape, r)
+        n = tuple(g - g if axis is None else axis for axis in axes)
+        push = left[0] * n[0] + left[1] * n[1] + left[2] * n[2]
+        here = (push > 0) & (g < far)
+        push = push if here else g - g
+        left = tuple(a - push * axis for a, axis in zip(left, n, strict=True))
+        normals, pushes, near, count = (*normals, n), (*pushes, push), (*near, g < far), count + here
+    part, turn = type_of(far, COARSELY if isinstance(r.x, np.float32) else SHARED), 0
+    least = part * (abs(change[0]) + abs(change[1]) + abs(change[2]))
+    while (count > 1) & (turn < MOST_SHARES):
+        most = far - far
+        for k in range(len(colliders)):
+            n, had = normals[k], pushes[k]
+            push = max(had + left[0] * n[0] + left[1] * n[1] + left[2] * n[2], far - far)
+            push = push if near[k] else had
+            left = tuple(a - (push - had) * axis for a, axis in zip(left, n, strict=True))
+            pushes = tuple(push if m == k else each for m, each in enumerate(pushes))
+            most = max(most, abs(push - had))
+        count, turn = count if most > least else 0, turn + 1
+    return normals, pushes
 
 
 def _back_on(colliders: Any, p: Any, q: Any) -> Any:

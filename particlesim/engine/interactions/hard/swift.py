@@ -63,6 +63,7 @@ from particlesim.engine.interactions.hard.ways import (
     STRUCK,
     THROWN,
     TURNED,
+    TURNS,
     WALL,
     Field,
     begin_anew,
@@ -78,8 +79,6 @@ ANEW = 2
 """For HIT: that a particle has been followed anew, and nobody has hit it."""
 SURELY = 4.0
 """In units of what forces give in a step, the speed of an impact that is one for certain: what rests has up to a half."""
-TURNS = 0.25
-"""By how much a way turns that has been thrown back for certain, as a part of it; along what is bent it turns less."""
 FEW = 256
 """How many particles there are at most where all that come into each other are followed."""
 MOST_LAPS = 1000

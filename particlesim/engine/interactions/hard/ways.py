@@ -47,6 +47,8 @@ SPINS = 9
 """Row of the state at the beginning of a step at which angular velocities begin."""
 BRIEF = 1e-9
 """The part of a way below which a leg is none: rounding would make its pace."""
+TURNS = 0.25
+"""By how much a way has turned at most that colliders have led along, as a part of it."""
 ASTRAY = 1e-3
 """How far both legs may miss each other, as a part of the radius, and of the change of velocity times the step."""
 
@@ -208,8 +210,8 @@ def bend_of(w: Any, i: Any, r: Any, h: Any) -> Any:
 
 def bend_way(w: Any, i: Any, r: Any, h: Any) -> None:
     """Bend the way of a particle with a radius r that has been thrown back in a step of h, unless its legs do not meet. What
-    forces change its velocity by is then in `image`; where colliders have changed it by no more than twice that,
-    it lies."""
+    forces change its velocity by is then in `image`; where colliders have changed it by no more than twice that, or
+    have led it along, it lies."""
     part, middle = bend_of(w, i, r, h)
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     if part > 0:
@@ -225,8 +227,19 @@ def bend_way(w: Any, i: Any, r: Any, h: Any) -> None:
             kick, push = kick + w.image[axis, i] * w.image[axis, i], push + by * by
             w.force[axis, i] = w.image[axis, i]
             w.first[axis, i] += lasts * w.force[axis, i]
-        if (part <= 0) & (push <= REST * REST * kick):
+        if (part <= 0) & ((push <= REST * REST * kick) | slides(w, i, push)):
             w.what[THROWN, i] = LIES
+
+
+def slides(w: Any, i: Any, push: Any) -> Any:
+    """Whether colliders, which have changed the velocity of a particle by the root of `push`, have but led it along: it is
+    about as fast as it was, and has turned little."""
+    was = now = 0.0
+    for axis in range(3):
+        u = w.first[axis, i]
+        was, now = was + u * u, now + w.speed[axis, i] * w.speed[axis, i]
+    least = TURNS * TURNS * min(was, now)
+    return (push <= least) & ((now - was) * (now - was) <= push * least)
 
 
 def begin_anew(w: Any, i: Any, h: Any) -> Any:
