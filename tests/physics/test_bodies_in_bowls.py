@@ -164,3 +164,19 @@ def test_a_wall_that_is_met_from_a_floor_is_no_bend(lean: float, restitution: fl
         body = {**BALL, "position": [start, SIZE, 0.0], "velocity": [1.0, 0.0, 0.0]}
         along = go(cup, body, 1e-3, 0.3).ledger["momentum.x"]
         assert along.min() / along[0] == pytest.approx(-restitution, abs=0.02)
+
+
+@pytest.mark.parametrize("dt", [1e-3, 2.5e-4])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_can_that_is_flush_with_the_end_of_a_drum_rolls_on_its_side(turned: bool, dt: float) -> None:
+    """It had fallen through the side, next to the end everywhere, and been put out again: with energy from nothing, up to the
+    end of the run."""
+    side = np.array([np.sin(1.0), -np.cos(1.0)]) * (0.2 - 0.02)
+    place = [0.295, *side[::-1]] if turned else [*side, 0.295]
+    ends = [[-0.3, 0, 0], [0.3, 0, 0]] if turned else [[0, 0, -0.3], [0, 0, 0.3]]
+    can = {"shape": {"type": "cylinder", "radius": 0.02, "length": 0.01}, "position": place, "friction": 0.3}
+    drum = {"type": "cylinder", "start": ends[0], "end": ends[1], "radius": 0.2, "inside": True}
+    can |= {"orientation": ALONG} if turned else {}
+    run = go({**drum, "restitution": 0, "friction": 0.3}, can, dt, 1.0)
+    energy = energy_of(run)
+    assert (energy - np.minimum.accumulate(energy)).max() < 1e-5 * run.ledger["kinetic"].max()

@@ -85,6 +85,13 @@ def moved(shape: Any, s: Any, t: Any) -> Solid:
     return Solid(s.number, s.kind, s.size, x, (u[0], v[0], w[0], u[1], v[1], w[1], u[2], v[2], w[2]))
 
 
+def moved_frame(shape: Any, x: Any, u: Any, t: Any) -> Any:
+    """Where a place, and a direction, of a shape that is led are at a time."""
+    f = frame_at(shape, t, 0.0)
+    a = out_of(f.rows, (x[0] - shape.x, x[1] - shape.y, x[2] - shape.z))
+    return (f.x + a[0], f.y + a[1], f.z + a[2]), out_of(f.rows, u)
+
+
 def plane_of(s: Any, side: Any) -> PlaneRecord:
     """The plane of one of the sides of a room, with its normal inwards."""
     axis, sign = side // 2, 1.0 - 2.0 * (side % 2)

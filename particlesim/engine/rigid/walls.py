@@ -47,6 +47,7 @@ from particlesim.engine.rigid.narrow import (
     touch_pieces,
 )
 from particlesim.engine.rigid.pieces import corner, solid_of
+from particlesim.engine.rigid.pipe_walls import ENDS, end_of, has_edges, is_pipe, side_of
 from particlesim.engine.rigid.point_walls import FLAT, ball_on_wall, line_on_wall, point_on_wall
 from particlesim.engine.rigid.probing import away, probe
 from particlesim.engine.rigid.rotation import cross, dot, matrix, to_body, to_world
@@ -153,20 +154,26 @@ def touch_piece(wall: Any, k: Any, p: Any, i: Any, s: Any, margin: Any, t: Any, 
     elif is_room(wall.shape):
         o = room_of(wall.shape, t, s.number)
         for side in range(SIDES_OF_ROOM):
-            flat = Wall(
-                plane_of(o, side),
-                wall.on,
-                wall.restitution,
-                wall.static,
-                wall.kinetic,
-                wall.belt,
-                wall.number,
-                wall.falling,
-            )
-            if gap(flat.shape, probe(s.x, p.ball[s.number], t)) < margin:
-                piece_on_wall(flat, k, p, i, s, margin, t, code + SPAN_OF_SIDE * side)
+            touch_side(wall, plane_of(o, side), k, p, i, s, margin, t, code + SPAN_OF_SIDE * side)
+    elif is_pipe(wall.shape):
+        if has_edges(s):
+            touch_side(wall, side_of(wall.shape), k, p, i, s, margin, t, code)
+            for end in range(ENDS):
+                plane = end_of(wall.shape, end, t)
+                touch_side(wall, plane, k, p, i, s, margin, t, code + SPAN_OF_SIDE * (1 + end))
+        else:
+            piece_on_wall(wall, k, p, i, s, margin, t, code)
     else:
         piece_on_wall(wall, k, p, i, s, margin, t, code)
+
+
+def touch_side(wall: Any, shape: Any, k: Any, p: Any, i: Any, s: Any, margin: Any, t: Any, code: Any) -> None:
+    """Note the contacts of a piece of body i with one side of a collider."""
+    if gap(shape, probe(s.x, p.ball[s.number], t)) < margin:
+        side = Wall(
+            shape, wall.on, wall.restitution, wall.static, wall.kinetic, wall.belt, wall.number, wall.falling
+        )
+        piece_on_wall(side, k, p, i, s, margin, t, code)
 
 
 def touch_box(k: Any, p: Any, i: Any, s: Any, o: Any, margin: Any, code: Any) -> None:
