@@ -81,8 +81,8 @@ class Output(Model):
     would take more than 2 % of the run."""
     work: StrictBool = False
     """In the ledger also the work of drag, dampers, contact, motions, births and all other causes that add or remove energy,
-    and the residual of the balance. The run takes a few times as long, and twenty times where many touch softly; with contact
-    of the model "impulse" it is not available."""
+    and the residual of the balance. The run takes a few times as long, and twenty times where many touch softly; it is not
+    available with contact of the model "impulse"."""
 
     @model_validator(mode="after")
     def _one_interval(self) -> Output:

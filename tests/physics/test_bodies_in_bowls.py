@@ -169,8 +169,7 @@ def test_a_wall_that_is_met_from_a_floor_is_no_bend(lean: float, restitution: fl
 @pytest.mark.parametrize("dt", [1e-3, 2.5e-4])
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_can_that_is_flush_with_the_end_of_a_drum_rolls_on_its_side(turned: bool, dt: float) -> None:
-    """It had fallen through the side, next to the end everywhere, and been put out again: with energy from nothing, up to the
-    end of the run."""
+    """It had fallen into the side, as it is next to the end everywhere, and been put out again: with energy from nothing."""
     side = np.array([np.sin(1.0), -np.cos(1.0)]) * (0.2 - 0.02)
     place = [0.295, *side[::-1]] if turned else [*side, 0.295]
     ends = [[-0.3, 0, 0], [0.3, 0, 0]] if turned else [[0, 0, -0.3], [0, 0, 0.3]]
