@@ -1,4 +1,4 @@
-"""How a collider bends along the way of what lies on it.
+"""How a collider bends along the way of what lies on it, and how rims roll.
 
 What lies on a hollow surface and goes along it with the velocity u has to turn with it. From the middle of one step to that
 of the next, h later, it goes straight on; the normal n has turned against it by then. So in the middle of a step a place of
@@ -13,6 +13,9 @@ lose a part (u h/R)²/2 of its energy in a step. Where the surface bends away it
 What rolls there has an axis that does not turn from one middle to the next, while the normal turns by Δn: it slips by
 σ = ρ ω × Δn/2 after the impulses of each, and by −σ before those of the next one, with ρ the radius at the contact. So
 friction, which turns the axis, does no work. With no slip at all it takes some, of first order in h.
+
+So it is with a rim that rolls on a plane, as that of a coin: its lowest place goes around it, and freely would have another
+velocity in the middle of the next step, by Δ. It has −Δ/2 after impulses, along the plane and across it.
 """
 
 from __future__ import annotations
@@ -30,12 +33,20 @@ from particlesim.colliders.sphere import BallRecord
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.bodies import FEATURES, orientation, place, row
 from particlesim.engine.rigid.box_walls import is_box, is_room
-from particlesim.engine.rigid.manifold import SPAN
+from particlesim.engine.rigid.manifold import LEANING, SPAN
 from particlesim.engine.rigid.narrow import entry, minus, plus
 from particlesim.engine.rigid.pieces import solid_of
 from particlesim.engine.rigid.point_walls import FLAT
 from particlesim.engine.rigid.probing import away, probe
-from particlesim.engine.rigid.rotation import angular_velocity, cross, dot, matrix, to_world
+from particlesim.engine.rigid.rotation import (
+    angular_velocity,
+    cross,
+    dot,
+    matrix,
+    to_body,
+    to_world,
+    turned_freely,
+)
 
 STRAIGHT = (*FLAT, BallRecord, DiscRecord, MeshRecord, RectangleRecord)
 """Shapes of flat sides, and what is round outside only."""
@@ -46,6 +57,8 @@ PART_OF_TURN = 0.4
 """Square of the turn of the normal on each half of the way, at most, over that of all of it: a quarter where it is even."""
 KEEPS = 0.9
 """Part that is kept of a speed by which something comes up to a surface a little faster than by its bend."""
+LOWEST = 0.01
+"""How far the place of a contact may be from the lowest one of a rim, as a part of its radius."""
 LYING = 0.5
 """Cosine of the angle between the axis of a cylinder and the normal, below which it may roll there."""
 
@@ -62,8 +75,12 @@ def bends(shape: Any) -> bool:
 def note_bends(scene: Any, shape: Any, b: Any, k: Any, i: Any, begin: Any, t: Any, h: Any) -> None:
     """Note how a collider bends along the way of body i in a step of h, the middle of which is at t, at its contacts from
     `begin` on: b and σ. Bodies in joints do not go straight on."""
-    if bends(shape) and not (scene.joints is not None and scene.joined[i] > 0):
-        for c in range(begin, k.number[0]):
+    if scene.joints is not None and scene.joined[i] > 0:
+        return
+    for c in range(begin, k.number[0]):
+        if isinstance(shape, FLAT):
+            note_roll(b, k, i, c, h)
+        elif bends(shape):
             note_bend(shape, b, k, i, c, t, h)
 
 
@@ -106,6 +123,60 @@ def is_one_turn(was: Any, n: Any, then: Any) -> bool:
     one, two, all_of_it = minus(n, was), minus(then, n), minus(then, was)
     most = PART_OF_TURN * dot(all_of_it, all_of_it)
     return bool(dot(one, one) <= most and dot(two, two) <= most)
+
+
+@outlined
+def note_roll(b: Any, k: Any, i: Any, c: Any, h: Any) -> None:
+    """Note how a rim rolls on a plane at contact c, if that is its lowest place: the place goes around it, and its speed
+    changes by that. It slips, and goes up or down, by half of what it would do freely in a step of h, as before it."""
+    number, n, x = piece_of(b, k, c), row(k.normal, c), place(b, i)
+    s = solid_of(b.pieces, number, x, matrix(orientation(b, i)))
+    round_by, tube, axis, center = rim_of(s, row(k.point, c), n)
+    if not round_by > 0:
+        return
+    q, spin, inertia, v = orientation(b, i), row(b.spin, i), row(b.inertia, i), row(b.v, i)
+    arm = minus(center, x)
+    at = plus(plus(center, round_by, down_across(n, axis)), -tube, n)
+    off = minus(plus(row(k.point, c), k.gap[c], n), at)
+    if dot(off, off) > LOWEST * LOWEST * round_by * round_by:
+        return  # another place of the rim
+    r = matrix(q)
+    own_arm, own_axis = to_body(r, arm), to_body(r, axis)
+    change = (0.0, 0.0, 0.0)
+    for side in range(2):
+        sign = 1.0 - 2.0 * side
+        then = turned_freely(q, spin, inertia, sign * h)
+        m = matrix(then)
+        w = angular_velocity(then, spin, inertia)
+        low = plus(to_world(m, own_arm), round_by, down_across(n, to_world(m, own_axis)))
+        change = plus(change, 0.5 * sign, plus(v, 1.0, cross(w, plus(low, -tube, n))))
+    up = dot(change, n)
+    for d in range(3):
+        k.slip[d, c] = -0.5 * (entry(change, d) - up * k.normal[d, c])
+    k.bend[c] = -0.5 * up
+
+
+def rim_of(s: Any, point: Any, n: Any) -> Any:
+    """The radius of the rim of a piece that touches a plane with the normal n at a point, that of its tube, its axis, and its
+    centre; 0 for the first where it touches with no rim."""
+    axis, at, size, tube = to_world(s.r, (0.0, 0.0, 1.0)), s.x, 0.0, 0.0
+    if s.kind in (CYLINDER, CONE):
+        size = s.size[0]
+        at = plus(s.x, dot(minus(point, s.x), axis), axis)
+    elif s.kind == CAPSULE and s.size[2] > 0:
+        axis = to_world(s.r, (1.0, 0.0, 0.0))
+        half = 2 * np.arctan(0.5 * s.size[1] / s.size[2])
+        inner = 2 * s.size[2] * np.cos(half) / (1 + np.cos(half))
+        size, tube, at = s.size[2], s.size[0], plus(s.x, -inner, to_world(s.r, (0.0, 1.0, 0.0)))
+    across = dot(n, axis)
+    return (size if 1 - across * across > LEANING * LEANING else 0.0), tube, axis, at
+
+
+def down_across(n: Any, axis: Any) -> Any:
+    """The direction across an axis that goes down most."""
+    d = plus((-n[0], -n[1], -n[2]), dot(n, axis), axis)
+    size = np.sqrt(dot(d, d))
+    return d[0] / size, d[1] / size, d[2] / size
 
 
 def slides_at(shape: Any, at: Any, u: Any, t: Any) -> Any:

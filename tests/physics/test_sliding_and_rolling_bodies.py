@@ -1,4 +1,5 @@
-"""Rigid bodies that slide and roll on the inside of round colliders: they turn with the surface, and keep what they have."""
+"""Rigid bodies that slide and roll on the inside of round colliders, and on their rims: they turn with the surface, and keep
+what they have."""
 
 from __future__ import annotations
 
@@ -179,3 +180,48 @@ def test_a_can_that_is_flush_with_the_end_of_a_drum_rolls_on_its_side(turned: bo
     run = go({**drum, "restitution": 0, "friction": 0.3}, can, dt, 1.0)
     energy = energy_of(run)
     assert (energy - np.minimum.accumulate(energy)).max() < 1e-5 * run.ledger["kinetic"].max()
+
+
+@pytest.mark.parametrize("kind", ["disc", "ring"])
+@pytest.mark.parametrize("dt", [1e-3, 2.5e-4])
+def test_a_coin_that_rolls_about_its_centre_keeps_its_energy(kind: str, dt: float) -> None:
+    """Euler's disc: at the angle α it goes around with Ω² = m g a/(I₁ sin α), and the place that touches is at rest. Its rim
+    had held on where it touched in the middle of each step: it lost 52 % in a second in steps of 0.5 ms, 7 % in 0.06 ms."""
+    a, thin, angle, g = 0.0375, 0.001, np.radians(30), 9.80665
+    rate = np.sqrt((4 if kind == "disc" else 2) * g / (a * np.sin(angle)))
+    high = a * np.sin(angle) + (0.5 * thin * np.cos(angle) if kind == "disc" else thin)
+    shapes = {
+        "disc": {"type": "cylinder", "radius": a, "length": thin},
+        "ring": {"type": "torus", "radius": a, "tube": thin},
+    }
+    coin = {
+        "shape": shapes[kind],
+        "position": [0.0, float(high), 0.0],
+        "orientation": {"axis": [1, 0, 0], "angle": -60},
+        "angular_velocity": (rate * np.sin(angle) * np.array([0, np.sin(angle), -np.cos(angle)])).tolist(),
+    }
+    run = go({"type": "plane", "friction": 1.0, "restitution": 0}, coin, dt, 1.0)
+    energy, kinetic = energy_of(run), run.ledger["kinetic"][0]
+    assert energy.max() <= energy[0] + 1e-6 * kinetic
+    assert energy[-1] > energy[0] - 2e-3 * kinetic  # it is not quite thin
+
+
+def test_a_coin_that_leans_rolls_around_a_circle_to_second_order() -> None:
+    """It had gained energy, in proportion to the step."""
+    a, thin, lean = 0.03, 0.004, np.radians(10)
+    axis = np.array([0, np.sin(lean), np.cos(lean)])
+    coin = {
+        "shape": {"type": "cylinder", "radius": a, "length": thin},
+        "position": [0.0, float(a * np.cos(lean) + 0.5 * thin * np.sin(lean)), 0.0],
+        "orientation": {"axis": [1, 0, 0], "angle": -10},
+        "velocity": [1.0, 0.0, 0.0],
+        "angular_velocity": (-axis / a).tolist(),
+    }
+    ends = []
+    for dt in (1e-3, 5e-4, 6.25e-5):
+        run = go({"type": "plane", "friction": 0.8, "restitution": 0}, coin, dt, 0.5)
+        energy = energy_of(run)
+        assert np.ptp(energy) < 1e-5 * run.ledger["kinetic"][0]
+        ends.append(np.array([run.ledger[f"momentum.{axis}"][-1] for axis in "xz"]))
+    coarse, fine = (np.abs(end - ends[-1]).max() for end in ends[:-1])
+    assert fine < 0.3 * coarse
