@@ -225,3 +225,22 @@ def test_a_coin_that_leans_rolls_around_a_circle_to_second_order() -> None:
         ends.append(np.array([run.ledger[f"momentum.{axis}"][-1] for axis in "xz"]))
     coarse, fine = (np.abs(end - ends[-1]).max() for end in ends[:-1])
     assert fine < 0.3 * coarse
+
+
+def test_what_tips_over_its_edge_keeps_its_energy_to_second_order() -> None:
+    """A domino: held where its edge is in the middle of each step, it gained energy in proportion to the step."""
+    high, thick = 0.05, 0.01
+    domino = {
+        "shape": {"type": "box", "size": [thick, high, 0.03]},
+        "position": [0.0, 0.5 * high, 0.0],
+        "velocity": [1.5 * high, 1.5 * thick, 0.0],
+        "angular_velocity": [0.0, 0.0, -3.0],
+    }
+    swings = []
+    for dt in (2e-3, 5e-4):
+        run = go({"type": "plane", "friction": 1.0, "restitution": 0}, domino, dt, 0.1)
+        energy = (energy_of(run) - energy_of(run)[0]) / run.ledger["kinetic"].max()
+        assert energy.max() < 1e-12
+        swings.append(-energy.min())
+    assert swings[0] < 1e-3
+    assert swings[1] < swings[0] / 12

@@ -14,8 +14,9 @@ What rolls there has an axis that does not turn from one middle to the next, whi
 σ = ρ ω × Δn/2 after the impulses of each, and by −σ before those of the next one, with ρ the radius at the contact. So
 friction, which turns the axis, does no work. With no slip at all it takes some, of first order in h.
 
-So it is with a rim that rolls on a plane, as that of a coin: its lowest place goes around it, and freely would have another
-velocity in the middle of the next step, by Δ. It has −Δ/2 after impulses, along the plane and across it.
+So it is on planes with a corner about which a body tips, and with a rim that rolls, as that of a coin, whose lowest place
+goes around it: freely that place would have another velocity in the middle of the next step, by Δ. It has −Δ/2 after
+impulses, along the plane and across it.
 """
 
 from __future__ import annotations
@@ -127,49 +128,57 @@ def is_one_turn(was: Any, n: Any, then: Any) -> bool:
 
 @outlined
 def note_roll(b: Any, k: Any, i: Any, c: Any, h: Any) -> None:
-    """Note how a rim rolls on a plane at contact c, if that is its lowest place: the place goes around it, and its speed
-    changes by that. It slips, and goes up or down, by half of what it would do freely in a step of h, as before it."""
-    number, n, x = piece_of(b, k, c), row(k.normal, c), place(b, i)
-    s = solid_of(b.pieces, number, x, matrix(orientation(b, i)))
-    round_by, tube, axis, center = rim_of(s, row(k.point, c), n)
-    if not round_by > 0:
-        return
-    q, spin, inertia, v = orientation(b, i), row(b.spin, i), row(b.inertia, i), row(b.v, i)
-    arm = minus(center, x)
-    at = plus(plus(center, round_by, down_across(n, axis)), -tube, n)
-    off = minus(plus(row(k.point, c), k.gap[c], n), at)
-    if dot(off, off) > LOWEST * LOWEST * round_by * round_by:
-        return  # another place of the rim
+    """Note how a body rolls or tips on a plane at contact c: by how much the velocity of the place that touches would change
+    freely in a step of h. It comes up with half of that, and goes on with half of it the other way."""
+    n, q, spin, inertia = row(k.normal, c), orientation(b, i), row(b.spin, i), row(b.inertia, i)
     r = matrix(q)
-    own_arm, own_axis = to_body(r, arm), to_body(r, axis)
+    s = solid_of(b.pieces, piece_of(b, k, c), place(b, i), r)
+    rim, ball, center = foot_of(s, core_of(b, k, c), n)
+    if s.kind == SPHERE or rim < 0:
+        return
+    own, own_axis = to_body(r, minus(center, place(b, i))), to_body(r, axis_of(s))
     change = (0.0, 0.0, 0.0)
     for side in range(2):
         sign = 1.0 - 2.0 * side
         then = turned_freely(q, spin, inertia, sign * h)
-        m = matrix(then)
-        w = angular_velocity(then, spin, inertia)
-        low = plus(to_world(m, own_arm), round_by, down_across(n, to_world(m, own_axis)))
-        change = plus(change, 0.5 * sign, plus(v, 1.0, cross(w, plus(low, -tube, n))))
+        r = matrix(then)
+        at = plus(to_world(r, own), -ball, n)
+        if rim > 0:
+            at = plus(at, rim, down_across(n, to_world(r, own_axis)))
+        change = plus(change, 0.5 * sign, cross(angular_velocity(then, spin, inertia), at))
     up = dot(change, n)
-    for d in range(3):
-        k.slip[d, c] = -0.5 * (entry(change, d) - up * k.normal[d, c])
+    for axis in range(3):
+        k.slip[axis, c] = -0.5 * (entry(change, axis) - up * k.normal[axis, c])
     k.bend[c] = -0.5 * up
 
 
-def rim_of(s: Any, point: Any, n: Any) -> Any:
-    """The radius of the rim of a piece that touches a plane with the normal n at a point, that of its tube, its axis, and its
-    centre; 0 for the first where it touches with no rim."""
-    axis, at, size, tube = to_world(s.r, (0.0, 0.0, 1.0)), s.x, 0.0, 0.0
-    if s.kind in (CYLINDER, CONE):
-        size = s.size[0]
-        at = plus(s.x, dot(minus(point, s.x), axis), axis)
-    elif s.kind == CAPSULE and s.size[2] > 0:
-        axis = to_world(s.r, (1.0, 0.0, 0.0))
-        half = 2 * np.arctan(0.5 * s.size[1] / s.size[2])
-        inner = 2 * s.size[2] * np.cos(half) / (1 + np.cos(half))
-        size, tube, at = s.size[2], s.size[0], plus(s.x, -inner, to_world(s.r, (0.0, 1.0, 0.0)))
+def foot_of(s: Any, core: Any, n: Any) -> Any:
+    """What a piece stands on at a contact on a plane with the normal n: the radius of a rim whose lowest place is at `core`,
+    0 for what keeps its place in the body, less than 0 for other places of rims, which change all the time; the radius about
+    that; and the centre of the rim, or the place."""
+    axis, at, size, ball = axis_of(s), core, 0.0, 0.0
+    if s.kind == CAPSULE:
+        ball = s.size[0]
+        if s.size[2] > 0:
+            half = 2 * np.arctan(0.5 * s.size[1] / s.size[2])
+            inner = (
+                2 * s.size[2] * np.cos(half) / (1 + np.cos(half))
+            )  # from the centre to the middle of the capsule
+            size, at = s.size[2], plus(s.x, -inner, to_world(s.r, (0.0, 1.0, 0.0)))
+    elif s.kind in (CYLINDER, CONE):
+        size, at = s.size[0], plus(s.x, dot(minus(core, s.x), axis), axis)
+        out = minus(core, at)
+        size = size if dot(out, out) > 0.25 * size * size else 0.0  # else it is a tip
     across = dot(n, axis)
-    return (size if 1 - across * across > LEANING * LEANING else 0.0), tube, axis, at
+    if not (size > 0 and 1 - across * across > LEANING * LEANING):
+        return 0.0, ball, core
+    off = minus(core, plus(at, size, down_across(n, axis)))
+    return (size if dot(off, off) <= LOWEST * LOWEST * size * size else -1.0), ball, at
+
+
+def axis_of(s: Any) -> Any:
+    """The axis of a piece, or of the ring that it is a part of."""
+    return to_world(s.r, (1.0, 0.0, 0.0) if s.kind == CAPSULE else (0.0, 0.0, 1.0))
 
 
 def down_across(n: Any, axis: Any) -> Any:
