@@ -155,9 +155,11 @@ def _stopped_grains(world: World) -> tuple[str, ...]:
         return ()
     from particlesim.engine.interactions.hard.ways import MOST_IMPACTS  # with all that grains need
 
+    grains = sum(state.count for each in world.islands if each.stopped_grains() > 0 for state in each.states)
+    share = f"{100 * number / (max(world.step, 1) * max(grains, 1)):.2g} % of all steps of grains"
     return (
-        f"{'once' if number == 1 else f'{number:,} times'} a hard grain had {MOST_IMPACTS} impacts in a step, and stayed "
-        "where it was until its end: a smaller dt lets it go on, unless there is no room for it",
+        f"{'once' if number == 1 else f'{number:,} times'} a hard grain had {MOST_IMPACTS} impacts in a step ({share}), and "
+        "stayed where it was until its end: a smaller dt lets it go on, unless there is no room for it",
     )
 
 

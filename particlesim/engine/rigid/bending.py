@@ -60,6 +60,8 @@ KEEPS = 0.9
 """Part that is kept of a speed by which something comes up to a surface a little faster than by its bend."""
 LOWEST = 0.01
 """How far the place of a contact may be from the lowest one of a rim, as a part of its radius."""
+EDGE = 2
+"""Contacts of what tips about an edge, at most."""
 LYING = 0.5
 """Cosine of the angle between the axis of a cylinder and the normal, below which it may roll there."""
 
@@ -78,9 +80,12 @@ def note_bends(scene: Any, shape: Any, b: Any, k: Any, i: Any, begin: Any, t: An
     `begin` on: b and σ. Bodies in joints do not go straight on."""
     if scene.joints is not None and scene.joined[i] > 0:
         return
+    closed = 0
+    for c in range(begin, k.number[0]):
+        closed += 1 if k.gap[c] <= scene.slop else 0
     for c in range(begin, k.number[0]):
         if isinstance(shape, FLAT):
-            note_roll(b, k, i, c, h)
+            note_roll(b, k, i, c, closed, h)
         elif bends(shape):
             note_bend(shape, b, k, i, c, t, h)
 
@@ -127,14 +132,15 @@ def is_one_turn(was: Any, n: Any, then: Any) -> bool:
 
 
 @outlined
-def note_roll(b: Any, k: Any, i: Any, c: Any, h: Any) -> None:
-    """Note how a body rolls or tips on a plane at contact c: by how much the velocity of the place that touches would change
-    freely in a step of h. It comes up with half of that, and goes on with half of it the other way."""
+def note_roll(b: Any, k: Any, i: Any, c: Any, closed: Any, h: Any) -> None:
+    """Note how a body rolls or tips on a plane at contact c, one of so many that are `closed`: by how much the velocity of
+    the place that touches would change freely in a step of h. It comes up with half of that, and goes on with half of it the
+    other way. What stands on more than an edge does not tip."""
     n, q, spin, inertia = row(k.normal, c), orientation(b, i), row(b.spin, i), row(b.inertia, i)
     r = matrix(q)
     s = solid_of(b.pieces, piece_of(b, k, c), place(b, i), r)
     rim, ball, center = foot_of(s, core_of(b, k, c), n)
-    if s.kind == SPHERE or rim < 0:
+    if s.kind == SPHERE or rim < 0 or (rim == 0 and closed > EDGE):
         return
     own, own_axis = to_body(r, minus(center, place(b, i))), to_body(r, axis_of(s))
     change = (0.0, 0.0, 0.0)
