@@ -244,3 +244,19 @@ def test_what_tips_over_its_edge_keeps_its_energy_to_second_order() -> None:
         swings.append(-energy.min())
     assert swings[0] < 1e-3
     assert swings[1] < swings[0] / 12
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.05])
+def test_two_in_a_joint_slide_in_a_trough(apart: float) -> None:
+    """Beside each other, or one behind the other, so that the joint pulls: they lost as much as single bodies had."""
+    lever = INNER - SIZE
+    lag = 2 * np.arcsin(0.5 * 0.3 * apart / lever)
+    places = [
+        [z, float(INNER - lever * np.cos(slope)), float(lever * np.sin(slope))]
+        for z, slope in ((0.0, SLOPE), (0.03 if apart == 0 else 0.0, SLOPE - lag))
+    ]
+    body = {**BALL, "layout": {"type": "points", "position": places}}
+    run = go(TROUGH, body, 1e-3, 2.0, joints=[{"type": "ball", "on": "body", "pairs": [[0, 1]]}])
+    energy = (energy_of(run) - energy_of(run)[0]) / run.ledger["kinetic"].max()
+    assert energy.max() < 1e-9
+    assert energy.min() > -(5e-4 if apart == 0 else 5e-3)

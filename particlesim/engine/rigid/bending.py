@@ -77,17 +77,15 @@ def bends(shape: Any) -> bool:
 
 def note_bends(scene: Any, shape: Any, b: Any, k: Any, i: Any, begin: Any, t: Any, h: Any) -> None:
     """Note how a collider bends along the way of body i in a step of h, the middle of which is at t, at its contacts from
-    `begin` on: b and σ. Bodies in joints do not go straight on."""
-    if scene.joints is not None and scene.joined[i] > 0:
-        return
-    closed = 0
+    `begin` on: b and σ. What joints do to that is taken off later (`swinging`)."""
+    joined, closed = scene.joints is not None and scene.joined[i] > 0, 0
     for c in range(begin, k.number[0]):
         closed += 1 if k.gap[c] <= scene.slop else 0
     for c in range(begin, k.number[0]):
-        if isinstance(shape, FLAT):
-            note_roll(b, k, i, c, closed, h)
-        elif bends(shape):
+        if bends(shape):
             note_bend(shape, b, k, i, c, t, h)
+        elif isinstance(shape, FLAT) and not joined:
+            note_roll(b, k, i, c, closed, h)
 
 
 @outlined

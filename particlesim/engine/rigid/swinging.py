@@ -32,12 +32,12 @@ MORE = 2.0
 
 @outlined
 def watch_swings(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
-    """Note how bodies in joints are accelerated along the normals of contacts with colliders that are not closed yet.
-    Velocities are those in the middle of a step of h, before its forces; what joints made of them in the first half is in
-    `joints.before`."""
+    """Note how bodies in joints are accelerated along the normals of contacts with colliders: what joints do there they need
+    not do by the bend of the surface (`bending`), and those that are not closed yet swing. Velocities are those in the
+    middle of a step of h, before its forces; what joints made of them in the first half is in `joints.before`."""
     for c in range(k.number[0]):
         i = k.first[c]
-        if k.second[c] != WORLD or k.turns[c] != 0 or not k.gap[c] > 0:
+        if k.second[c] != WORLD or k.turns[c] != 0 or not (k.gap[c] > 0 or k.bend[c] > 0):
             continue
         if component_of(joints, i) < 0:
             continue
@@ -48,9 +48,10 @@ def watch_swings(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
             (was[3], was[4], was[5], was[6]), (was[10], was[11], was[12]), row(b.inertia, i)
         )
         gains = (now[0] - was[7], now[1] - was[8], now[2] - was[9])
-        swing = dot(n, cross(turning, cross(turning, arm)))
-        swing += 2 / h * (dot(n, gains) + dot(n, cross(minus(turning, before), arm)))
-        k.swing[c] = max(swing, 0.0)
+        joined = 2 / h * (dot(n, gains) + dot(n, cross(minus(turning, before), arm)))
+        k.bend[c] = max(k.bend[c] - 0.5 * h * joined, 0.0)
+        if k.gap[c] > 0:
+            k.swing[c] = max(dot(n, cross(turning, cross(turning, arm))) + joined, 0.0)
 
 
 def room_at(k: Any, c: Any, before: Any, free: Any, h: Any) -> Any:
