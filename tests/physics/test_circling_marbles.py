@@ -171,3 +171,64 @@ def test_what_slides_in_a_bowl_that_is_shaken_is_right_to_second_order() -> None
     assert errors[0] < 1e-4
     assert errors[1] < errors[0] / 3
     assert errors[2] < errors[1] / 3
+
+
+@pytest.mark.parametrize("stop", [0.05, 0.0501, 0.0505, 0.0509])
+def test_what_lies_in_a_bowl_that_stops_flies_on(stop: float) -> None:
+    """Whenever in a step that is: a jerk is no force that acts all along it."""
+    given = table(
+        0.06,
+        1e-3,
+        particles=[points((0.0, RADIUS, 0.0), velocity=[[1.0, 0.0, 0.0]], radius=RADIUS, mass=1.0)],
+        forces=[{"type": "gravity"}],
+        colliders=[
+            {"name": "bowl", "type": "sphere", "center": [0, 0.05, 0], "radius": 0.05, "inside": True}
+            | {"restitution": 0.3}
+        ],
+        motions=[{"collider": "bowl", "path": [f"x + min(t, {stop})", "y", "z"]}],
+        output={"every": 1, "ledger": True},
+    )
+    run = ps.run(ps.from_table(given))
+    rise = float(run.energy[-1]) - 9.80665 * RADIUS
+    assert rise == pytest.approx(0.5, abs=2e-3)
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
+@pytest.mark.parametrize("opening", [60.0, 30.0])
+def test_a_marble_slides_down_a_narrow_groove_where_others_might_hit_it(opening: float, method: str) -> None:
+    """Neither wall gives most of what both do: it counted as moved by nothing that is known, with 64 impacts in a step."""
+    half, slope = np.radians(opening / 2), np.radians(15)
+    turn = np.array([[np.cos(slope), np.sin(slope), 0], [-np.sin(slope), np.cos(slope), 0], [0, 0, 1]])
+    walls = [(turn @ [0, np.sin(half), side * np.cos(half)]).tolist() for side in (1, -1)]
+    given = table(
+        0.5,
+        1e-3,
+        method,
+        particles=[points(tuple((turn @ [0, 0.05 / np.sin(half), 0]).tolist()), radius=0.05)],
+        forces=[{"type": "gravity"}],
+        planes=[{"normal": wall, "restitution": 0.0} for wall in walls],
+        interactions=[{"type": "contact"}],
+    )
+    run = ps.run(ps.from_table(given))
+    assert run.final.velocity[0] @ turn[:, 0] == pytest.approx(0.5 * 9.80665 * np.sin(slope), rel=1e-6)
+    assert not run.warnings
+
+
+def test_a_fast_marble_in_a_rough_pipe_and_at_the_wall_of_a_cup_goes_on() -> None:
+    pipe = {"type": "cylinder", "start": [0, 0.5, -1], "end": [0, 0.5, 1], "radius": 0.5, "friction": 0.3}
+    cup = {"type": "cylinder", "start": [0, 0, 0], "end": [0, 1, 0], "radius": 0.5}
+    for wall, at, velocity in ((pipe, (0, 0.03, 0), [5, 0, 0.3]), (cup, (0.47, 0.03, 0), [0, 0, 5])):
+        ends = []
+        for dt in (1e-3, 2.5e-4):
+            given = table(
+                0.3,
+                dt,
+                particles=[points(at, velocity=[velocity], radius=0.03)],
+                forces=[{"type": "gravity"}],
+                colliders=[{"inside": True, "restitution": 0.3, **wall}],
+                interactions=[{"type": "contact", "friction": 0.5}],
+            )
+            run = ps.run(ps.from_table(given))
+            assert not run.warnings
+            ends.append(run.final.position[0])
+        assert ends[0] == pytest.approx(ends[1], abs=1e-3)

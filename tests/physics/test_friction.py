@@ -527,3 +527,24 @@ def test_a_ball_that_rolls_off_a_slope_is_rubbed_by_the_floor_alone(slope: float
             planes=planes[first:] + planes[:first],
         ).final
         assert final.velocity[0] == pytest.approx([(5 * cos + 2) * v / 7, 0, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("slope", [30.0, 3.0])
+def test_a_slope_beside_which_a_ball_passes_does_not_rub_it(slope: float, first: int) -> None:
+    """It slides on a smooth floor, 0.3 mm beside a rough slope, which had stopped its surface if it came first."""
+    angle, r = math.radians(slope), 0.05
+    begin = (0.0, r, -(r + 3e-4 - r * math.cos(angle)) / math.sin(angle))
+    planes = [
+        {"normal": [0, 1, 0], "restitution": 0.0},
+        {"normal": [0, math.cos(angle), -math.sin(angle)], "restitution": 0.0, "friction": 1.0},
+    ]
+    final = simulate(
+        0.2,
+        1e-3,
+        particles=[points(begin, velocity=[[1.0, 0, 0]], radius=r, mass=1.0)],
+        forces=GRAVITY,
+        interactions=[{"type": "contact", "friction": 0.5}],
+        planes=planes[first:] + planes[:first],
+    ).final
+    assert final.velocity[0] == pytest.approx([1.0, 0, 0], abs=1e-12)

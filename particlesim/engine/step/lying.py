@@ -7,14 +7,18 @@ from typing import Any
 import numpy as np
 
 from particlesim.colliders.dents import dented
-from particlesim.colliders.moving import MovingRecord, alight_after, ride, ride_until
-from particlesim.colliders.response import at_rest
+from particlesim.colliders.moving import MovingRecord, alight_after, frame_at, ride, ride_until
+from particlesim.colliders.response import at_rest, square
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import MANY, SHALLOW, coarse
 from particlesim.engine.step.creases import crept, free_part, no_faster
 from particlesim.engine.step.resting import carried, glided, held, lies, touched, turns
 from particlesim.laws.registry import gap
+
+STEADY = 0.02
+"""How far the place of a collider that is led may be off its mean velocity in a step, as a part of the change of that times
+half the step, and slight changes, as a part of the speed of what lies on it."""
 
 
 def settled(
@@ -47,8 +51,24 @@ def borne(c: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any)
         s, end = ride_until(c.shape, p, q.t), ride(c.shape, q)
         still = c.shape.spin is None
         here, r, turn = _borne(at_rest(c), ride(c.shape, p), s, end, h, tolerance, slack, sure, still)
+        if still and turns(at_rest(c)):
+            here &= led_steadily(c.shape, p, q, h)
         return here, alight_after(c.shape, r, end), turn
     return _borne(c, p, p, q, h, tolerance, slack, sure, True)
+
+
+def led_steadily(c: Any, p: Any, q: Any, h: Any) -> Any:
+    """Whether a path leads a collider through a step of h from p to q without a jerk: the forces that this is in its frame
+    are the same all along, or slight. As it stops, what lies in it flies on, and meets it."""
+    a, b, half = frame_at(c, p.t, 0.0), frame_at(c, q.t, 0.0), 0.5 * float(h)
+    jump = square((b.vx - a.vx, b.vy - a.vy, b.vz - a.vz))
+    off = square(
+        tuple(y - x - half * (u + v) for x, y, u, v in zip(a[:3], b[:3], a[3:6], b[3:6], strict=True))
+    )
+    kick = square((float(q.vx - p.vx), float(q.vy - p.vy), float(q.vz - p.vz)))
+    own = square((float(p.vx) - a.vx, float(p.vy) - a.vy, float(p.vz) - a.vz))
+    steady = STEADY * STEADY
+    return (off <= steady * half * half * jump) | (jump <= kick + steady * own)
 
 
 def _borne(c: Any, p: Any, s: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any, still: bool) -> Any:

@@ -178,32 +178,29 @@ def rubbed(colliders: Any, rolling: Any, c: Any, i: Any, p: Any, q: Any, r: Any,
 
 def shared_by(colliders: Any, r: Any, change: Any, far: Any) -> tuple[Any, Any]:
     """The normals of colliders at r, and by how much each of them has changed a velocity along its own [m/s], if they have
-    changed it all together: as much as is left, by turns, which ends where none would have to pull. What is farther away has
-    given nothing."""
+    changed it all together: as much as is left, by turns, which ends where none would have to pull. Those that are touched
+    come first, and what is farther away than `far` has given nothing."""
     normals: tuple[Any, ...] = ()
-    pushes: tuple[Any, ...] = ()
-    near: tuple[Any, ...] = ()
-    left, count = change, 0
+    gaps: tuple[Any, ...] = ()
     for each in colliders:
         g, axes = gap_and_normal(each.shape, r)
-        n = tuple(g - g if axis is None else axis for axis in axes)
-        push = left[0] * n[0] + left[1] * n[1] + left[2] * n[2]
-        here = (push > 0) & (g < far)
-        push = push if here else g - g
-        left = tuple(a - push * axis for a, axis in zip(left, n, strict=True))
-        normals, pushes, near, count = (*normals, n), (*pushes, push), (*near, g < far), count + here
-    part, turn = type_of(far, COARSELY if isinstance(r.x, np.float32) else SHARED), 0
-    least = part * (abs(change[0]) + abs(change[1]) + abs(change[2]))
-    while (count > 1) & (turn < MOST_SHARES):
-        most = far - far
-        for k in range(len(colliders)):
-            n, had = normals[k], pushes[k]
-            push = max(had + left[0] * n[0] + left[1] * n[1] + left[2] * n[2], far - far)
-            push = push if near[k] else had
-            left = tuple(a - (push - had) * axis for a, axis in zip(left, n, strict=True))
-            pushes = tuple(push if m == k else each for m, each in enumerate(pushes))
-            most = max(most, abs(push - had))
-        count, turn = count if most > least else 0, turn + 1
+        normals, gaps = (*normals, tuple(g - g if axis is None else axis for axis in axes)), (*gaps, g)
+    zero, left = far - far, change
+    pushes = tuple(zero for _ in colliders)
+    least = type_of(far, COARSELY if isinstance(r.x, np.float32) else SHARED)
+    least *= abs(change[0]) + abs(change[1]) + abs(change[2])
+    for reach in (type_of(far, NEAR) * r.r, far):
+        turn, going = 0, True
+        while going & (turn < MOST_SHARES):
+            most, count = zero, 0
+            for k in range(len(colliders)):
+                n, had = normals[k], pushes[k]
+                push = max(had + (left[0] * n[0] + left[1] * n[1] + left[2] * n[2]), zero)
+                push = push if gaps[k] < reach else had
+                left = tuple(a - (push - had) * axis for a, axis in zip(left, n, strict=True))
+                pushes = tuple(push if m == k else each for m, each in enumerate(pushes))
+                most, count = max(most, abs(push - had)), count + (push > 0)
+            going, turn = (count > 1) & (most > least), turn + 1
     return normals, pushes
 
 

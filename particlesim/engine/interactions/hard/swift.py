@@ -71,6 +71,7 @@ from particlesim.engine.interactions.hard.ways import (
     begin_ways,
     is_member,
     place_at,
+    turned_little,
 )
 from particlesim.engine.queue import empty, put_in_order
 from particlesim.engine.state.columns import let_know, type_of
@@ -326,10 +327,10 @@ def bent_by(w: Any, i: Any) -> Any:
 
 def is_unknown(w: Any, i: Any, alone: bool) -> Any:
     """Whether the way of a particle may have legs that are not known: it has been thrown back, or happens to move as a
-    method does, but not as forces on it say."""
+    method does, but not as forces on it say; and more than what lies, or slides along something, is turned."""
     thrown = w.what[THROWN, i]
     known = (thrown == LIES) | ((thrown == 0) & (not alone or size_of(unexplained(w, i)) == 0))
-    return (w.when[BEND, i] == STRAIGHT) & (w.light[i] > 0) & (not known)
+    return (w.when[BEND, i] == STRAIGHT) & (w.light[i] > 0) & (not known) & (not turned_little(w, i))
 
 
 # ---- the queue

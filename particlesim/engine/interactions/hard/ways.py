@@ -227,19 +227,28 @@ def bend_way(w: Any, i: Any, r: Any, h: Any) -> None:
             kick, push = kick + w.image[axis, i] * w.image[axis, i], push + by * by
             w.force[axis, i] = w.image[axis, i]
             w.first[axis, i] += lasts * w.force[axis, i]
-        if (part <= 0) & ((push <= REST * REST * kick) | slides(w, i, push)):
+        if (part <= 0) & (push <= max(REST * REST * kick, led(w, i))):
             w.what[THROWN, i] = LIES
 
 
-def slides(w: Any, i: Any, push: Any) -> Any:
-    """Whether colliders, which have changed the velocity of a particle by the root of `push`, have but led it along: it is
-    about as fast as it was, and has turned little."""
+def led(w: Any, i: Any) -> Any:
+    """The square of by how much colliders turn the velocity of a particle at most that they have but led along."""
     was = now = 0.0
     for axis in range(3):
         u = w.first[axis, i]
         was, now = was + u * u, now + w.speed[axis, i] * w.speed[axis, i]
-    least = TURNS * TURNS * min(was, now)
-    return (push <= least) & ((now - was) * (now - was) <= push * least)
+    return TURNS * TURNS * min(was, now)
+
+
+def turned_little(w: Any, i: Any) -> Any:
+    """Whether the velocity of a particle has changed by no more, but for what forces do, than that of what lies or is led
+    along: its way is nearly straight, whatever has turned it."""
+    lasts, push, kick = w.when[ENDS, i] - w.when[BEGUN, i], 0.0, 0.0
+    known = 0.0 if w.what[THROWN, i] == COLLIDER else lasts  # what forces do is in `first` then
+    for axis in range(3):
+        by = w.speed[axis, i] - w.first[axis, i] - known * w.image[axis, i]
+        push, kick = push + by * by, kick + w.image[axis, i] * w.image[axis, i]
+    return push <= max(REST * REST * kick, led(w, i))
 
 
 def begin_anew(w: Any, i: Any, h: Any) -> Any:
