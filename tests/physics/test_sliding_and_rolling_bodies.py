@@ -260,3 +260,60 @@ def test_two_in_a_joint_slide_in_a_trough(apart: float) -> None:
     energy = (energy_of(run) - energy_of(run)[0]) / run.ledger["kinetic"].max()
     assert energy.max() < 1e-9
     assert energy.min() > -(5e-4 if apart == 0 else 5e-3)
+
+
+@pytest.mark.parametrize("shape", ["cone", "coin", "box"])
+@pytest.mark.parametrize("speed", [0.0, -1.0])
+def test_what_falls_on_a_corner_or_a_rim_gains_nothing(shape: str, speed: float) -> None:
+    """What parts had been looked at as if it came, in drifts, by how the place that touches would go on freely."""
+    shapes = {
+        "cone": {"type": "cone", "radius": 0.03, "length": 0.06},
+        "coin": {"type": "cylinder", "radius": 0.03, "length": 0.003},
+        "box": {"type": "box", "size": [0.04, 0.06, 0.1]},
+    }
+    body = {
+        "shape": shapes[shape],
+        "position": [0.0, 0.15, 0.0],
+        "velocity": [0.0, speed, 0.0],
+        "orientation": {"axis": [1, 0.4, 0.3], "angle": 50},
+    }
+    for dt in (1e-3, 2e-4):
+        run = go({"type": "plane", "restitution": 0, "friction": 0.3}, body, dt, 0.4)
+        energy = energy_of(run)
+        assert (energy - np.minimum.accumulate(energy)).max() < 2e-4 * run.ledger["kinetic"].max()
+
+
+@pytest.mark.parametrize("dt", [1e-3, 2.5e-4])
+def test_an_impact_of_a_turning_corner_takes_all_of_its_slip(dt: float) -> None:
+    """A box that turns at 40/s hits a plane with one of its edges, which sticks, and rebounds with e = 0.3: the impulse is
+    that which gives its corner u_t = 0 and −e u_n, wherever in a step it is."""
+    size, spin, speed, e = np.array([0.1, 0.06]), 40.0, -1.0, 0.3
+    mass = 1000 * size.prod() * 0.04
+    inertia = mass / 12 * (size**2).sum()
+    corners = 0.5 * size * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+
+    def arms(angle: float) -> Any:
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        return corners @ turn.T
+
+    times = np.linspace(0, 0.05, 100001)
+    angles = np.radians(-20) + spin * times
+    lowest = np.array([arms(angle)[:, 1].min() for angle in angles[::10]])
+    first = 10 * int(np.argmax(0.06 + speed * times[::10] + lowest < 0))
+    arm = min(arms(angles[first]), key=lambda place: place[1])
+    comes = np.array([-spin * arm[1], speed + spin * arm[0]])
+    gives = np.eye(2) / mass + np.outer([-arm[1], arm[0]], [-arm[1], arm[0]]) / inertia
+    impulse = np.linalg.solve(gives, np.array([0, -e * comes[1]]) - comes)
+    body = {
+        "shape": {"type": "box", "size": [*size.tolist(), 0.04]},
+        "density": 1000,
+        "position": [0.0, 0.06, 0.0],
+        "velocity": [0.0, speed, 0.0],
+        "angular_velocity": [0.0, 0.0, spin],
+        "orientation": {"axis": [0, 0, 1], "angle": -20},
+    }
+    run = go({"type": "plane", "restitution": e, "friction": 10.0}, body, dt, 0.025, gravity=False)
+    up = run.ledger["momentum.y"]
+    struck = int(np.argmax(np.abs(np.diff(up)) > 1e-6 * abs(up[0]))) + 1
+    assert run.ledger["momentum.x"][struck] == pytest.approx(impulse[0], rel=1e-3)
+    assert up[struck] == pytest.approx(mass * speed + impulse[1], rel=1e-3)

@@ -54,7 +54,9 @@ def rebound(b: Any, k: Any, motion: Any, i: Any, j: Any, close: Any, late: Any) 
 
 
 def lay(b: Any, k: Any, motion: Any, c: Any, late: Any) -> None:
-    """What impulses do at a contact, and the speed that it is to have."""
+    """What impulses do at a contact, and the speed that it is to have: an impact does not roll on (`bending`)."""
+    for axis in range(3):
+        k.slip[axis, c] = 0.0
     n, at = row(k.normal, c), row(k.point, c)
     one = tangent(n)
     direct(b, k, motion, c, 1, k.first[c], k.second[c], at, one)

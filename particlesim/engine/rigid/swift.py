@@ -232,7 +232,7 @@ def outlook(
         direct(b, k, motion, c, 0, k.first[c], k.second[c], at, n)
         u, g = speed_along(k, motion, c, 0), k.gap[c]
         least = min(least, g)
-        if -u * left > max(g, 0.0) + touching + k.bend[c] * h:
+        if -u * left > max(g, 0.0) + touching + max(k.bend[c], 0.0) * h:
             if g <= touching:
                 hits = True
             else:
