@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.bodies.pieces import CAPSULE, CONE, CYLINDER, SPHERE
+from particlesim.bodies.pieces import BOX, CAPSULE, CONE, CYLINDER, HULL, SPHERE
 from particlesim.colliders.disc import DiscRecord
 from particlesim.colliders.mesh import MeshRecord
 from particlesim.colliders.moving import MovingRecord, frame_at, surface_velocity
@@ -84,8 +84,13 @@ def note_bends(scene: Any, shape: Any, b: Any, k: Any, i: Any, begin: Any, t: An
     for c in range(begin, k.number[0]):
         if bends(shape):
             note_bend(shape, b, k, i, c, t, h)
-        elif isinstance(shape, FLAT) and not joined:
+        elif isinstance(shape, FLAT) and not joined and may_tip(b, k, c, closed):
             note_roll(b, k, i, c, closed, h)
+
+
+def may_tip(b: Any, k: Any, c: Any, closed: Any) -> bool:
+    """Whether a body with so many closed contacts on a plane may roll or tip there: most boxes stand, or have not come."""
+    return bool(b.pieces.kind[piece_of(b, k, c)] not in (BOX, HULL) or 0 < closed <= EDGE)
 
 
 @outlined
