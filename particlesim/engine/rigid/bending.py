@@ -36,7 +36,7 @@ from particlesim.engine.rigid.bodies import FEATURES, orientation, place, row
 from particlesim.engine.rigid.box_walls import is_box, is_room
 from particlesim.engine.rigid.manifold import LEANING, SPAN
 from particlesim.engine.rigid.narrow import entry, minus, plus
-from particlesim.engine.rigid.pieces import solid_of
+from particlesim.engine.rigid.pieces import ring_of, solid_of
 from particlesim.engine.rigid.point_walls import FLAT
 from particlesim.engine.rigid.probing import away, probe
 from particlesim.engine.rigid.rotation import (
@@ -169,11 +169,8 @@ def foot_of(s: Any, core: Any, n: Any) -> Any:
     if s.kind == CAPSULE:
         ball = s.size[0]
         if s.size[2] > 0:
-            half = 2 * np.arctan(0.5 * s.size[1] / s.size[2])
-            inner = (
-                2 * s.size[2] * np.cos(half) / (1 + np.cos(half))
-            )  # from the centre to the middle of the capsule
-            size, at = s.size[2], plus(s.x, -inner, to_world(s.r, (0.0, 1.0, 0.0)))
+            _, at = ring_of(s)
+            size = s.size[2]
     elif s.kind in (CYLINDER, CONE):
         size, at = s.size[0], plus(s.x, dot(minus(core, s.x), axis), axis)
         out = minus(core, at)

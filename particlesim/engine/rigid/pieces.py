@@ -107,6 +107,14 @@ def roundness(s: Any) -> Any:
     return s.size[0] if s.kind == SPHERE or s.kind == CAPSULE else 0.0
 
 
+def ring_of(s: Any) -> Any:
+    """Half of the angle that a capsule stands for, which is a part of a ring, and the centre of that."""
+    half = 2 * np.arctan(0.5 * s.size[1] / s.size[2])
+    inner = 2 * s.size[2] * np.cos(half) / (1 + np.cos(half))  # from the centre to the middle of the capsule
+    y = to_world(s.r, (0.0, 1.0, 0.0))
+    return half, (s.x[0] - inner * y[0], s.x[1] - inner * y[1], s.x[2] - inner * y[2])
+
+
 def corner(p: Any, s: Any, number: Any) -> Any:
     """A corner of a hull in the world."""
     a = to_world(s.r, (p.corners[0, number], p.corners[1, number], p.corners[2, number]))

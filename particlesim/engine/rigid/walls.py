@@ -46,7 +46,7 @@ from particlesim.engine.rigid.narrow import (
     plus,
     touch_pieces,
 )
-from particlesim.engine.rigid.pieces import corner, solid_of
+from particlesim.engine.rigid.pieces import corner, ring_of, solid_of
 from particlesim.engine.rigid.pipe_walls import ENDS, end_of, has_edges, is_pipe, side_of
 from particlesim.engine.rigid.point_walls import FLAT, ball_on_wall, line_on_wall, point_on_wall
 from particlesim.engine.rigid.probing import away, probe
@@ -229,9 +229,7 @@ def arc_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: An
     """The contact of the part of a ring that a capsule stands for: of the places around it, as many as there are parts,
     that go out from its lowest one, the one in this part. So a ring rolls on a circle."""
     axis = to_world(s.r, (1.0, 0.0, 0.0))
-    half = 2 * np.arctan(0.5 * s.size[1] / s.size[2])
-    inner = 2 * s.size[2] * np.cos(half) / (1 + np.cos(half))  # from the centre to the middle of the capsule
-    center = plus(s.x, -inner, to_world(s.r, (0.0, 1.0, 0.0)))
+    half, center = ring_of(s)
     n = away(wall.shape, probe(center, 0.0, t))
     d = plus((-n[0], -n[1], -n[2]), dot(n, axis), axis)
     own, turn = to_body(s.r, d), 0.0
