@@ -383,13 +383,14 @@ def heap_of_radii(seed: int, restitution: float) -> tuple[float, float]:
 @pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_smooth_grains_of_different_radii_come_to_rest(restitution: float) -> None:
-    # Hardly more contacts than what they hold: contacts that open and close by turns had kept all at 0.2 g dt, 0.004 r deep.
-    # A heap that has not found its places yet still moves, by up to 0.15 g dt in a third; which ones changes with every bit.
-    # Velocities that are kept at such places are up to 0.8 g dt: what presses takes them in the middle of the next step.
-    speeds, depths = zip(*(heap_of_radii(seed, restitution) for seed in range(4, 8)), strict=True)
-    # They lie up to 3 g dt² deep, some of them, which is 0.006 of the radius.
-    assert min(speeds) < 0.04
-    assert min(depths) < 1e-2
+    # Hardly more contacts than what they hold. What presses along a line that is hardly inclined is not a blow: it had begun
+    # anew in every step, and heaps had kept velocities of up to 0.8 g dt, 7 g dt² deep. A heap that has not found its places
+    # yet still moves, by up to 0.3 g dt; which ones changes with every bit.
+    found = [heap_of_radii(seed, restitution) for seed in range(4, 8)]
+    speeds, depths = (sorted(each) for each in zip(*found, strict=True))
+    assert speeds[0] < 0.04
+    assert speeds[-1] < 0.3
+    assert depths[-1] < 2 * G * DT**2 / 4.2e-3
 
 
 def test_grains_in_the_tip_of_a_cone_stay_outside_of_it() -> None:

@@ -314,7 +314,8 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
             lively |= (e >= 1) & (approach > 0) & (bench.normal[STILL, k] == 0)
             later = bench.normal[LATER, k] if lively else e - e
             bounces = bounces_at(each.law, approach - later)
-            change, push = given_at(bench, k, bench.normal, k, lacks, later, bounces, lively)
+            blow = blow_at(bench, i if each.a[i] > 0 else j, bench.normal[LEAST, k]) if lively else e - e
+            change, push = given_at(bench, k, bench.normal, k, lacks, later, bounces, lively, blow)
             if lively:
                 bench.normal[LATER, k] = 0
             worst = max(worst, abs(change))
@@ -338,7 +339,18 @@ def bounces_at(law: Any, approach: Any) -> Any:
     return e if law.falling is None else e * falls_by(law.falling, approach)
 
 
-def given_at(bench: Any, k: Any, normal: Any, q: Any, approach: Any, later: Any, e: Any, lively: Any) -> Any:
+def blow_at(bench: Any, i: Any, least: Any) -> Any:
+    """From which speed on a contact of particle i only hits, and leaves nothing for rest [m/s]. Across what forces do, where
+    what rebounds may be slow, others push with what they do elsewhere in the cluster."""
+    cluster = bench.desk.cluster
+    at = root(cluster, i)
+    rests = type_of(least, REST) * bench.change[at] if cluster[STANDS, at] > 0 else least
+    return type_of(least, BLOW) * max(least, rests)
+
+
+def given_at(
+    bench: Any, k: Any, normal: Any, q: Any, approach: Any, later: Any, e: Any, lively: Any, blow: Any
+) -> Any:
     """What contact k gets along its normal at an approach, and how much it has been pushed in all, as changes of the speed
     [m/s]. What is `lively` rebounds, from the approach that it has in the middle of what forces do in the step: `later`
     comes after that, and ends at rest at least. What has pushed too much at rest takes it back, but no rebound."""
@@ -346,7 +358,7 @@ def given_at(bench: Any, k: Any, normal: Any, q: Any, approach: Any, later: Any,
     if lively:
         change = max((approach - later) + e * (approach - later), approach)
         normal[PARTING, q] = max(parts, change - approach)
-        if (e < 1) & (approach < type_of(e, BLOW) * normal[LEAST, q]):
+        if (e < 1) & (approach < blow):
             bench.desk.contacts[GIVEN, k] = given + approach
         else:
             bench.held[0, k] = bench.held[1, k] = bench.held[2, k] = 0  # friction of each blow by itself

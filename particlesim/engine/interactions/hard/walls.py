@@ -31,7 +31,7 @@ from particlesim.engine.interactions.hard.bench import (
     WORK,
 )
 from particlesim.engine.interactions.hard.friction import held_by, spin_up
-from particlesim.engine.interactions.hard.turns import CALMLY, MIDDLE, NOISE, give, given_at
+from particlesim.engine.interactions.hard.turns import BLOW, CALMLY, MIDDLE, NOISE, give, given_at
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.state.columns import fetch, held, type_of
 from particlesim.engine.step.contacts import Simple
@@ -359,7 +359,7 @@ def push_off_wall(each: Any, collider: Any, c: Any, begin: Any, end: Any, t: Any
         # what is above it will hit it in the next step
         if (least >= 0) & ((rate < 0) | (given > 0)) & ((w[ABOVE, q] <= 0) | (not lively)):
             e = bounce_at(response, rate) - type_of(rate, 1)
-            change, push = given_at(bench, k, w, q, -rate, rate - rate, e, lively)
+            change, push = given_at(bench, k, w, q, -rate, rate - rate, e, lively, type_of(e, BLOW) * least)
             push_at_wall(each, c, q, change * n[0], change * n[1], change * n[2])
             if response.friction is not None:
                 hold_at_wall(each, response.friction, c, q, push)
