@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.colliders.combination import Combination
 from particlesim.colliders.content import files_in
@@ -27,6 +28,8 @@ THINNEST = 64
 """The thickness of shapes, in steps between two numbers at a place, from which on contact knows their sides for sure."""
 SURE = 1e-9
 """What is thicker than this part of all that there is has been tried, where no search goes in steps."""
+BLOCK = 1 << 16
+"""Particles that are looked at together."""
 LIES_IN = 0.1
 """How deep a grain with soft contact may be in a collider at rest, as a part of its radius."""
 PUT = "the first step puts them on its surface, which changes their energy"
@@ -190,13 +193,13 @@ def too_thin(world: World) -> tuple[str, ...]:
     scenario = world.scenario
     found: list[str] = []
     precision, tables = scenario.simulation.precision, [each for _, each in collider_tables(scenario)]
-    states = [state for state in world.states if state.count]
-    places = [np.abs(state.x[:, : state.count]) for state in states]
-    speeds = [np.abs(state.v[:, : state.count]) for state in states]
-    far = max((float(x.max()) for x in places), default=0.0)
-    size = max((float(x.sum(axis=0).max()) for x in places), default=0.0)
-    way = 2 * scenario.grid.dt * max((float(v.sum(axis=0).max()) for v in speeds), default=0.0)
-    size += way + max((each.reach() for each in tables), default=0.0)
+    if not tables:
+        return ()
+    sizes = [_largest(state.x[:, : state.count]) for state in world.states]
+    speeds = [_largest(state.v[:, : state.count])[1] for state in world.states]
+    far, size = (max((each[k] for each in sizes), default=0.0) for k in (0, 1))
+    way = 2 * scenario.grid.dt * max(speeds, default=0.0)
+    size += way + max(each.reach() for each in tables)
     for collider in tables:
         touching = [group.least_size() for group in scenario.groups if held_back(collider, (group.name,))]
         if not touching or not isinstance(collider, Solid) or getattr(collider, "inside", False):
@@ -208,6 +211,15 @@ def too_thin(world: World) -> tuple[str, ...]:
         )
         found.extend(_thin(collider, called(world, collider), diameter, step, size, precision))
     return tuple(found)
+
+
+def _largest(vectors: NDArray[Any]) -> tuple[float, float]:
+    """The largest coordinate and the largest sum of coordinates of vectors [3, n], without a copy of all."""
+    most = total = 0.0
+    for first in range(0, vectors.shape[1], BLOCK):
+        block = np.abs(vectors[:, first : first + BLOCK])
+        most, total = max(most, float(block.max())), max(total, float(block.sum(axis=0).max()))
+    return most, total
 
 
 def _thin(

@@ -25,7 +25,7 @@ def ground(fuzz, tmp_path_factory):
     return fuzz.prepare(tmp_path_factory.mktemp("fuzz"))
 
 
-@pytest.mark.parametrize("first", [CASES, pytest.param(3 * CASES, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("first", [CASES, pytest.param(4 * CASES, marks=pytest.mark.slow)])
 def test_bad_trajectories_are_told_as_such(fuzz, ground, first):
     outcomes = Counter()
     for number in range(first, first + CASES):
