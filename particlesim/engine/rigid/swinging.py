@@ -49,7 +49,8 @@ def watch_swings(b: Any, k: Any, motion: Any, joints: Any, h: Any) -> None:
         )
         gains = (now[0] - was[7], now[1] - was[8], now[2] - was[9])
         joined = 2 / h * (dot(n, gains) + dot(n, cross(minus(turning, before), arm)))
-        k.bend[c] = max(k.bend[c] - 0.5 * h * joined, 0.0)
+        if k.bend[c] > 0:
+            k.bend[c] = max(k.bend[c] - 0.5 * h * joined, 0.0)
         if k.gap[c] > 0:
             k.swing[c] = max(dot(n, cross(turning, cross(turning, arm))) + joined, 0.0)
 
