@@ -92,6 +92,42 @@ def test_they_keep_their_height_or_tell(step: float) -> None:
         assert any("sunk" in text or "stayed" in text for text in result.warnings)
 
 
+@pytest.mark.parametrize(("restitution", "friction"), [(0.0, 0.0), (0.3, 0.5)])
+def test_a_block_of_many_grains_falls_and_does_not_sink(restitution: float, friction: float) -> None:
+    # They come by half of their radius in a step, and are more than 256, so that nobody follows them from impact to impact.
+    # Moved apart, they had come into others that nothing had looked at, a radius deep, and lay there. What lifted them out
+    # of each other again had been 1 % of the kinetic energy.
+    r, sides = 0.005, (8, 10, 8)
+    cells = np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, 3)
+    places = (cells + 0.5) * 2.2 * r + np.random.default_rng(0).uniform(-0.09, 0.09, cells.shape) * r
+    wide, law = sides[0] * 2.2 * r, {"restitution": restitution, "friction": friction}
+    grains = points(*(places + np.array([0, 0.3, 0])).tolist(), mass=1e-3, radius=r)
+    box = {"type": "box", "inside": True, "size": [wide, 10, wide], "center": [wide / 2, 5, wide / 2], **law}
+    scenario = table(
+        0.45,
+        DT,
+        particles=[grains],
+        forces=[{"type": "gravity"}],
+        colliders=[box],
+        interactions=[{"type": "contact", **law}],
+    )
+    simulation = Simulation(ps.from_table(scenario), threads=1)
+    deepest, energies, kinetic = [], [], 0.0
+    for step in range(200, 451, 2):
+        simulation.advance_to(step)
+        x = simulation.states[0].position
+        apart = np.sqrt(((x[:, None] - x[None]) ** 2).sum(axis=-1))[np.triu_indices(len(x), 1)]
+        deepest.append(2 - apart.min() / r)
+        row = simulation.ledger()
+        energies.append(row["kinetic"] + row["potential.gravity"])
+        kinetic = max(kinetic, row["kinetic"])
+    simulation.close()
+    energy = np.array(energies)
+    assert max(deepest) < 0.3
+    assert deepest[-1] < 0.02
+    assert (energy - np.minimum.accumulate(energy)).max() < 1e-5 * kinetic
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_a_heap_that_loses_its_floor_falls_as_one(restitution: float) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from particlesim.engine.interactions.hard.impulses import MOST_TURNS
+from particlesim.engine.interactions.hard.impulses import SINK_TURNS
 from particlesim.engine.islands.overlaps import overlapping
 from particlesim.engine.world import World
 from particlesim.interactions.contact import Contact
@@ -45,6 +45,6 @@ def sunk(world: World) -> Iterator[str]:
             have = "pair {} has" if number == 1 else "pairs {} have"
             yield (
                 f"{number} {have.format(f'of {each.label}')} sunk into each other, by up to {most:.3g} m: "
-                f"{MOST_TURNS} turns do not find the impulses of so many layers; "
+                f"{SINK_TURNS} turns do not find the impulses of so many layers; "
                 f'try a smaller dt, such as {world.grid.dt / 4:.3g} s, or springs (model = "linear")'
             )

@@ -31,9 +31,10 @@ DONE = -1.0
 """In place of what a pair has been given: that it has been moved apart."""
 SLACK, ROUGHLY = 1e-4, 1e-3
 """Overlap, as a part of the smaller radius, that contacts at rest keep; how exactly displacements are found at once."""
-TURNS_APART, MUCH, FAR = (4, 20), 0.005, 0.1
-"""Turns in which overlaps are made smaller, at least, and at most; the parts of the smaller radius above which they go on,
-and above which particles may come into colliders that they were not near."""
+TURNS_APART, MUCH, FAR = (4, 20, 100), (0.005, 0.02), 0.1
+"""Turns in which overlaps are made smaller, at least, and up to which they go on while some move by much, and by more than
+that; the parts of the smaller radius that are much [2], and above which particles may come into colliders that they were not
+near."""
 
 
 @outlined
@@ -51,6 +52,13 @@ def move_on(each: Any, c: Any, h: Any) -> None:
                 c.y[i] += type_of(c.y[i], way * dy)
                 c.z[i] += type_of(c.z[i], way * dz)
                 let_know(c.memory, i, dx, dy, dz)
+
+
+def moves_apart(turn: Any, most: Any) -> bool:
+    """Whether there is another turn after so many, the last of which has moved none by more than `most`, a part of the
+    smaller radius."""
+    least, some, many = TURNS_APART
+    return bool((turn < least) | ((turn < some) & (most > MUCH[0])) | ((turn < many) & (most > MUCH[1])))
 
 
 @outlined

@@ -36,13 +36,12 @@ from particlesim.engine.interactions.contacts import hold_stuck, with_masses
 from particlesim.engine.interactions.hard.apart import (
     DONE,
     FAR,
-    MUCH,
     ROUGHLY,
     SLACK,
-    TURNS_APART,
     begin_apart,
     move_apart,
     move_on,
+    moves_apart,
     shift_from_walls,
     shift_pairs,
 )
@@ -102,6 +101,13 @@ TURNS, MOST_TURNS, ROUGHLY_SETTLED = 20, 60, 0.02
 """Turns through all pairs in a step at most; how many there may be while approaches are not settled even roughly, to this
 part of the largest that forces have brought about, in the root mean square. What is left is solved at once, or goes on in
 the next step."""
+SINKS, SINK_TURNS = 0.01, 200
+"""How much a turn takes from how far some would sink in the step, as a part of the smallest radius, from which on there are
+more turns; and how many there may be then."""
+DEEP, NEIGHBOURS, AROUND = 0.05, 0.3, 1.2
+"""Overlap at the end of a step, as a part of the smaller radius, from which on neighbours are listed, too, as what is moved
+apart comes into them; the gap up to which they are, as a part of the smaller radius; and the sum of both radii with it, at
+most, as a part of that sum."""
 ONE, OTHER, MEETS = 1, 2, 2
 """Bits of the two sides, and by how many those are above them which a side meets."""
 MOST_ROUNDS = 2
@@ -251,16 +257,19 @@ class Impulses(NearLists, ImpulseColumns):
 
 
 class Listed(NamedTuple):
-    """Pairs that touch, or may lie on each other, go to a list, each once; h: the step [s]."""
+    """Pairs that touch, or may lie on each other, go to a list, each once; h: the step [s]; others with gaps up to so large
+    a part of the smaller radius."""
 
     bench: Any
     report: Any
     h: Any
+    gap: Any
 
     def take(self, each: Any, row: Any, other: Any, i: Any, p: Any) -> None:
         """Append a pair once, whatever the rows are by which the two are known at present, with the smaller one first."""
         change = self.bench.change
         margin = type_of(p.x, NEAR * self.h) * max(change[row], change[other])
+        margin = max(margin, type_of(p.x, self.gap) * min(p.r1, p.r2))
         gap = np.sqrt(p.x * p.x + p.y * p.y + p.z * p.z) - p.r1 - p.r2
         if (each.near.place[row] < each.near.place[other]) & (gap < margin):
             k, sign = self.report[COUNT], type_of(p.x, 1 if row < other else -1)
@@ -279,12 +288,43 @@ def list_touching(each: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     What lies on something is carried, with what it lies on, by rounding and by what turns have not found: without those that
     do not touch at this moment, others would fall into them.
     """
-    each.report[COUNT] = 0
     note_changes(each, c, before)
+    list_pairs(each, h, 0.0, t, WIDE)
+    if deepest(each, c) > DEEP:
+        list_pairs(each, h, NEIGHBOURS, t, AROUND)
+
+
+@outlined
+def list_pairs(each: Any, h: Any, gap: Any, t: Any, wide: Any) -> None:
+    """List all pairs at rest, or with gaps up to a part of the smaller radius, and up to `wide` times the sum of both."""
+    each.report[COUNT] = 0
     for g in range(each.near.begin.size):
-        touching(each, g, Listed(each.bench, each.report, h), t, WIDE)
+        touching(each, g, Listed(each.bench, each.report, h, gap), t, wide)
     each.report[WANTED] = max(each.report[WANTED], each.report[COUNT])
     each.report[COUNT] = min(each.report[COUNT], each.bench.rows.shape[1])
+
+
+@outlined
+def deepest(each: Any, c: Any) -> float:
+    """The deepest overlap of pairs in the list, as a part of the smaller radius."""
+    most, bench = 0.0, each.bench
+    for k in range(each.report[COUNT]):
+        i, j = bench.rows[0, k], bench.rows[1, k]
+        x, y, z = (
+            float(bench.shift[axis, k]) for axis in range(3)
+        )  # not yet what is to be added to the difference
+        least = float(min(c.r[i], c.r[j]))
+        if least > 0:
+            most = max(most, (float(c.r[i] + c.r[j]) - np.sqrt(x * x + y * y + z * z)) / least)
+    return most
+
+
+def smallest_radius(each: Any, c: Any) -> float:
+    """The smallest radius of all pairs [m]."""
+    least = np.inf
+    for k in range(each.report[COUNT]):
+        least = min(least, float(min(c.r[each.bench.rows[0, k]], c.r[each.bench.rows[1, k]])))
+    return least
 
 
 def note_changes(each: Any, c: Any, before: Any) -> None:
@@ -309,10 +349,12 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
             start(each, c, walls)
             take_back(each, c, walls, 0.0)
         turn, going, rough, small = 0, True, True, ROUGHLY_SETTLED / SETTLED * float(calm)
-        while going & ((turn < TURNS) | (rough & (turn < MOST_TURNS))):
+        sinks, smallest = False, smallest_radius(each, c)
+        while going & ((turn < TURNS) | (rough & (turn < MOST_TURNS)) | (sinks & (turn < SINK_TURNS))):
             worst, squares = give_impulses(each, c, turn % 2)
             push_off_walls(each, parts, c, t)
             going, rough = worst > calm, squares > small * small * each.report[COUNT]
+            sinks = float(h) * worst > SINKS * smallest
             turn += 1
         low = stored(parts, c, each.bench.mark, t)
         if going & (each.law.restitution < 1):
@@ -322,20 +364,20 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
             apart_at_once(each, parts, c, t, chosen, walls)
         else:
             settle(each, c, before, walls, h)
-        turn, going, deepest, far = 0, True, 0.0, 0.0
-        while (turn < TURNS_APART[0]) | (going & (turn < TURNS_APART[1])):
+        turn, most, inside, far = 0, 0.0, 0.0, 0.0
+        while moves_apart(turn, most):
             most = move_apart(each, c)
             put_out_of_bodies(each.ways.obstacles, parts, c, t)
-            deepest = put_on_walls(each, parts, c, t)
-            far, going = max(far, most), most > MUCH
+            inside = put_on_walls(each, parts, c, t)
+            far = max(far, most)
             turn += 1
-        leave_walls(each, parts, c, t, deepest)
+        leave_walls(each, parts, c, t, inside)
         if far > FAR:
             put_out(each, parts, c, t)
         let_sleep(each, parts, c, before, walls, t, h)
         # not what steps take away from overlaps, and forces bring back
-        most = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
-        book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), most))
+        stores = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
+        book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), stores))
         note_impulses(each, c, before)
     else:
         put_out_of_bodies(each.ways.obstacles, parts, c, t)

@@ -29,6 +29,7 @@ from particlesim.engine.interactions.hard.bench import (
     FREE,
     KEPT,
     LATER,
+    NEAR,
     PAIRED,
     REST,
     SHARE,
@@ -151,7 +152,8 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         room = max(ends - c.r[i] - c.r[j], gently - gently) / type_of(most, CLOSES * h)
         bench.normal[ROOM, k] = room
         if room > 0:  # which rests, or will hit in the next step
-            if -now > least:
+            near = ends - c.r[i] - c.r[j] <= type_of(most, NEAR * h) * change[at]
+            if (-now > least) | ((not near) & (each.law.restitution > 0)):
                 bench.normal[PARTS, k] = bench.normal[PARTS + 1, k] = 0
             least = type_of(most, ANY)
         elif (-now <= least) & (each.law.restitution < 1):  # the fall of a step has hidden the gap
