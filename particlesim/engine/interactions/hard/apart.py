@@ -21,6 +21,8 @@ from particlesim.engine.interactions.hard.at_once import (
     RATE,
     SCALE,
     SECOND,
+    STANDS,
+    root,
 )
 from particlesim.engine.interactions.hard.bench import COUNT, KEPT, PAIRED
 from particlesim.engine.interactions.hard.memory import way_by
@@ -62,13 +64,16 @@ def moves_apart(turn: Any, most: Any) -> bool:
 
 
 @outlined
-def move_apart(each: Any, c: Any) -> float:
+def move_apart(each: Any, c: Any, turn: Any) -> float:
     """Make overlaps smaller by a half of what is to go of them in the step; returns how much that was at most, as a part of
-    the smaller radius."""
-    bench, r, most = each.bench, c.r, 0.0
+    the smaller radius. After some turns only in what stands on something: what flies comes apart by itself, and to be moved
+    changes its angular momentum."""
+    bench, r, most, cluster = each.bench, c.r, 0.0, each.bench.desk.cluster
     for k in range(each.report[COUNT]):
         i, j = bench.rows[0, k], bench.rows[1, k]
         wi, wj = each.a[i], each.a[j]
+        if (turn >= TURNS_APART[1]) and cluster[STANDS, root(cluster, i if wi > 0 else j)] == 0:
+            continue
         both = wi + wj
         x, y, z, apart = line_between(c, i, j, bench.shift, k)
         least = min(r[i], r[j])

@@ -366,7 +366,7 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
             settle(each, c, before, walls, h)
         turn, most, inside, far = 0, 0.0, 0.0, 0.0
         while moves_apart(turn, most):
-            most = move_apart(each, c)
+            most = move_apart(each, c, turn)
             put_out_of_bodies(each.ways.obstacles, parts, c, t)
             inside = put_on_walls(each, parts, c, t)
             far = max(far, most)

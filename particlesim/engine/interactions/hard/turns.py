@@ -155,6 +155,8 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
             near = ends - c.r[i] - c.r[j] <= type_of(most, NEAR * h) * change[at]
             if (-now > least) | ((not near) & (each.law.restitution > 0)):
                 bench.normal[PARTS, k] = bench.normal[PARTS + 1, k] = 0
+            if not (near | stands):  # a neighbour that nobody presses on it
+                bench.normal[KEPT, k] = ANY
             least = type_of(most, ANY)
         elif (-now <= least) & (each.law.restitution < 1):  # the fall of a step has hidden the gap
             bench.normal[ROOM, k] = _gap_when_held(bench, c, before, k, h) / type_of(most, CLOSES * h)
