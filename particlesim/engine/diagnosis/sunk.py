@@ -20,8 +20,11 @@ STEPS = 10
 
 def sunk(world: World) -> Iterator[str]:
     """A sentence for every contact by impulses whose grains lie deep in each other."""
-    for each in world.scenario.interactions:
-        if not isinstance(each, Contact) or not each.by_impulses or each.liveliness >= 1:
+    contacts = [
+        each for each in world.scenario.interactions if isinstance(each, Contact) and each.by_impulses
+    ]
+    for each in contacts:
+        if each.liveliness >= 1:
             continue
         groups = interacting(each, world.scenario.groups)
         if touches_by_surfaces(each, groups):
@@ -43,8 +46,11 @@ def sunk(world: World) -> Iterator[str]:
         if deep.any():
             number, most = int(deep.sum()), float(depth[deep].max())
             have = "pair {} has" if number == 1 else "pairs {} have"
+            why = f"{SINK_TURNS} turns do not find the impulses of so many layers"
+            if len(contacts) > 1:
+                why = "several tables of contact act one after the other"
             yield (
                 f"{number} {have.format(f'of {each.label}')} sunk into each other, by up to {most:.3g} m: "
-                f"{SINK_TURNS} turns do not find the impulses of so many layers; "
+                f"{why}; "
                 f'try a smaller dt, such as {world.grid.dt / 4:.3g} s, or springs (model = "linear")'
             )
