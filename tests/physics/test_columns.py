@@ -148,7 +148,7 @@ def test_what_has_sunk_is_told() -> None:
         return found
 
     (text,) = told(-1.0)
-    assert text.startswith("1 pair of contact has sunk into each other, by up to 0.02 m: 60 turns")
+    assert text.startswith("1 pair of contact has sunk into each other, by up to 0.02 m: 200 turns")
     assert "smaller dt, such as 0.00025 s" in text
     assert not told(-2.1)
     assert not told(-1.0, e=1.0)

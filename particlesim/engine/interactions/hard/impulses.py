@@ -290,7 +290,7 @@ def list_touching(each: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """
     note_changes(each, c, before)
     list_pairs(each, h, 0.0, t, WIDE)
-    if deepest(each, c) > DEEP:
+    if (each.law.restitution < 1) and deepest(each, c) > DEEP:  # elastic ones come to no rest
         list_pairs(each, h, NEIGHBOURS, t, AROUND)
 
 
