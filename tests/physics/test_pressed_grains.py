@@ -118,18 +118,20 @@ def swirl(dt: float, duration: float, method: str, precision: str = "double") ->
 
 
 @pytest.mark.parametrize("method", ["velocity_verlet", "rk4", "stormer_verlet", "symplectic_euler"])
-@pytest.mark.parametrize(("dt", "gain"), [(2e-3, 6e-3), (5e-4, 1e-3)])
+@pytest.mark.parametrize(("dt", "gain"), [(2e-3, 6e-3), (5e-4, 1e-4)])
 def test_grains_that_circle_in_a_funnel_keep_their_energy(method: str, dt: float, gain: float) -> None:
     """The wall turns them as they slide, and neighbours press them on it: their impulses had been found as if it had thrown
     them back, and the lifts out of what was left gave a tenth of the kinetic energy in three seconds."""
     run = swirl(dt, 4.0, method)
     first = len(run.energy) // 2  # until then they fall on each other
     energy, kinetic = run.energy[first:], run.ledger["kinetic"][first]
-    # Near the tip they go around by a 15th of a radian in the long steps, a 60th in the short ones, and energies swing by
-    # the square of that. With symplectic Euler all of it comes after its impulses: how much that gives depends on who lies
-    # on whom, which changes with every bit.
+    # Near the tip they go around by a 15th of a radian in the long steps, a 60th in the short ones, and energies may swing
+    # by the square of that. With symplectic Euler all of it comes after its impulses: how much that gives depends on who
+    # lies on whom, which changes with every bit.
     if method == "symplectic_euler":
         gain = 5e-2 if dt > 1e-3 else 1e-2
+    elif method != "velocity_verlet":
+        gain = max(gain, 1e-3)
     assert energy.max() - energy[0] < gain * kinetic
     assert energy[0] - energy.min() < 6e-3 * kinetic
 

@@ -216,9 +216,8 @@ def test_what_slides_askew_is_slowed_against_its_way(shape: dict[str, Any], mu: 
         floor = FLOOR | {"friction": mu, "restitution": 0.0}
         got = simulate(time, 1e-3, bodies=[slides], planes=[floor], forces=GRAVITY).final
         expected = (3.0 * time - mu * G * time**2 / 2) * way + [0, height / 2, 0]
-        rounds = (
-            1e-8 if shape["type"] == "cylinder" else 1e-9
-        )  # a rim stands on places that change with its way
+        # a rim stands on places that change with its way
+        rounds = 1e-8 if shape["type"] == "cylinder" else 1e-9
         assert np.abs(got.position[0] - expected).max() < rounds
         assert np.abs(got.velocity[0] - (3.0 - mu * G * time) * way).max() < rounds
         assert np.abs(got.angular_velocity[0]).max() < rounds

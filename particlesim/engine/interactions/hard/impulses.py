@@ -257,19 +257,19 @@ class Impulses(NearLists, ImpulseColumns):
 
 
 class Listed(NamedTuple):
-    """Pairs that touch, or may lie on each other, go to a list, each once; h: the step [s]; others with gaps up to so large
-    a part of the smaller radius."""
+    """Pairs that touch, or may lie on each other, go to a list, each once; h: the step [s]; `beside`: the gap up to which
+    others do, as a part of the smaller radius."""
 
     bench: Any
     report: Any
     h: Any
-    gap: Any
+    beside: Any
 
     def take(self, each: Any, row: Any, other: Any, i: Any, p: Any) -> None:
         """Append a pair once, whatever the rows are by which the two are known at present, with the smaller one first."""
         change = self.bench.change
         margin = type_of(p.x, NEAR * self.h) * max(change[row], change[other])
-        margin = max(margin, type_of(p.x, self.gap) * min(p.r1, p.r2))
+        margin = max(margin, type_of(p.x, self.beside) * min(p.r1, p.r2))
         gap = np.sqrt(p.x * p.x + p.y * p.y + p.z * p.z) - p.r1 - p.r2
         if (each.near.place[row] < each.near.place[other]) & (gap < margin):
             k, sign = self.report[COUNT], type_of(p.x, 1 if row < other else -1)
@@ -295,11 +295,11 @@ def list_touching(each: Any, c: Any, before: Any, t: Any, h: Any) -> None:
 
 
 @outlined
-def list_pairs(each: Any, h: Any, gap: Any, t: Any, wide: Any) -> None:
+def list_pairs(each: Any, h: Any, beside: Any, t: Any, wide: Any) -> None:
     """List all pairs at rest, or with gaps up to a part of the smaller radius, and up to `wide` times the sum of both."""
     each.report[COUNT] = 0
     for g in range(each.near.begin.size):
-        touching(each, g, Listed(each.bench, each.report, h, gap), t, wide)
+        touching(each, g, Listed(each.bench, each.report, h, beside), t, wide)
     each.report[WANTED] = max(each.report[WANTED], each.report[COUNT])
     each.report[COUNT] = min(each.report[COUNT], each.bench.rows.shape[1])
 
@@ -310,9 +310,8 @@ def deepest(each: Any, c: Any) -> float:
     most, bench = 0.0, each.bench
     for k in range(each.report[COUNT]):
         i, j = bench.rows[0, k], bench.rows[1, k]
-        x, y, z = (
-            float(bench.shift[axis, k]) for axis in range(3)
-        )  # not yet what is to be added to the difference
+        # from one to the other: not yet what is to be added to that
+        x, y, z = (float(bench.shift[axis, k]) for axis in range(3))
         least = float(min(c.r[i], c.r[j]))
         if least > 0:
             most = max(most, (float(c.r[i] + c.r[j]) - np.sqrt(x * x + y * y + z * z)) / least)
