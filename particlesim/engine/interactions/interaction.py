@@ -72,8 +72,9 @@ class Interaction:
     """Whether it has something to do at the end of every step (`conclude`)."""
     looks_back: ClassVar[bool] = False
     """Whether it then needs the state at the beginning of the step."""
-    hastens: ClassVar[bool] = False
-    """Whether it looks at what happens within a step, before it concludes it (`hasten`)."""
+    jointly: ClassVar[bool] = False
+    """Whether all of its kind in an island conclude a step together (`conclude_all`), and look before at what has happened
+    within it (`hasten`)."""
     tires: ClassVar[bool] = False
     """Whether its steps may take so long that some of them are worth a pause (`tired`)."""
 
@@ -90,8 +91,11 @@ class Interaction:
     def hasten(
         self, sets: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any
     ) -> None:
-        """Look at what has happened within a step that is a good one, before any of the sets that do so concludes it; it
-        is called once for all of them, by all threads of an island. `alone`: whether there are no other sets."""
+        """Look at what has happened within a step that is a good one, before any of the sets concludes it; it is called once
+        for all of them, by all threads of an island. `alone`: whether there are no other sets."""
+
+    def conclude_all(self, sets: Any, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+        """`conclude` for all sets of its kind, of which it is the first."""
 
     def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
         """Bring up to date what it remembers, or give impulses, at the end t of a step of length h that is a good one.
@@ -369,11 +373,17 @@ def conclude_set(each: Any, parts: Any, c: Any, before: Any, share: Any, t: Any,
     type(each).conclude(each, parts, c, before, share, t, h)
 
 
-def that_hasten(sets: Any) -> Any:
-    """Those of the sets that look at what happens within a step."""
+@outlined
+def conclude_together(sets: Any, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+    """`conclude_all` for some sets."""
+    type(sets[0]).conclude_all(sets[0], sets, parts, c, before, share, t, h)
+
+
+def joint(sets: Any) -> Any:
+    """Those of the sets that conclude steps together."""
     if len(sets) == 0:
         return ()
-    return (sets[:1] if type(sets[0]).hastens else ()) + that_hasten(sets[1:])
+    return (sets[:1] if type(sets[0]).jointly else ()) + joint(sets[1:])
 
 
 def conclude_elements(
@@ -381,15 +391,18 @@ def conclude_elements(
 ) -> None:
     """Let all sets that have something to do at the end of a step do so; all threads of an island come here. `free`: nothing
     joins its particles."""
-    swift = that_hasten(sets)
-    if len(swift) > 0:
-        alone = free and len(swift) == len(sets)
-        type(swift[0]).hasten(swift[0], swift, alone, parts, c, before, share, t, h)
+    hard = joint(sets)
+    if len(hard) > 0:
+        alone = free and len(hard) == len(sets)
+        type(hard[0]).hasten(hard[0], hard, alone, parts, c, before, share, t, h)
         meet(share.gate, share.threads)
+        conclude_together(hard, parts, c, before, share, t, h)
     for each in sets:
         if type(each).concludes:
             conclude_set(each, parts, c, before, share, t, h)
-    if sum([type(each).concludes for each in sets]) > 1:  # one may have changed what another has seen
+    if (
+        min(len(hard), 1) + sum([type(each).concludes for each in sets]) > 1
+    ):  # one may have changed what another has seen
         leave_elements(sets)
 
 

@@ -26,6 +26,7 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import STANDS, root
 from particlesim.engine.interactions.hard.bench import COUNT, FASTER, OWN, PAIRED
+from particlesim.engine.interactions.hard.laws import restitution_at, some_rest
 from particlesim.engine.interactions.hard.thrown import size_of
 from particlesim.engine.interactions.hard.ways import ALONE
 from particlesim.engine.interactions.interaction import Floats, Ints
@@ -76,7 +77,7 @@ def sleeps(kept: Any, i: Any) -> Any:
 
 def let_sleep(each: Any, parts: Any, c: Any, before: Any, walls: Any, t: Any, h: Any) -> None:
     """Take back what a step has done to what sleeps, and let sleep what may."""
-    if (each.law.restitution < 1) & (each.ways.number[ALONE] > 0):
+    if some_rest(each.laws) & (each.ways.number[ALONE] > 0):
         look_at_unrest(each, c, before, walls, h)
         for part in parts:
             note_kicks(each, part.forces, c, before, part.first, part.last, t, h)
@@ -110,8 +111,9 @@ def look_at_unrest(each: Any, c: Any, before: Any, walls: Any, h: Any) -> None:
                 s[UNREST, at] = np.inf
     for k in range(each.report[COUNT]):
         for i, j in ((bench.rows[0, k], bench.rows[1, k]), (bench.rows[1, k], bench.rows[0, k])):
-            if (each.a[i] > 0) & (each.a[j] <= 0):  # noqa: SIM102
-                if _motion(c, before, j, h) > 0:
+            if each.a[i] > 0:
+                moves = (each.a[j] <= 0) and _motion(c, before, j, h) > 0
+                if moves or restitution_at(each, k) >= 1:
                     s[UNREST, root(cluster, i)] = np.inf
     for q in range(walls):
         moves = False

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import outlined
+from particlesim.engine.interactions.hard.laws import restitution_at
 
 FEW = 1.5
 """Pairs for each particle up to which a cluster is solved at once: a column has one, a heap of spheres about three."""
@@ -134,16 +135,16 @@ def left_as_it_is(row: Any, cluster: Any, i: Any, k: Any) -> Any:
 
 
 @outlined
-def see(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> None:
+def see(each: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> None:
     """Find out in which clusters something still approaches, and in which something has rebounded."""
-    cluster = bench.desk.cluster
+    bench, a, cluster = each.bench, each.a, each.bench.desk.cluster
     for k in range(pairs):
         i, j = bench.rows[0, k], bench.rows[1, k]
         at = root(cluster, i if a[i] > 0 else j)
         acts = bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0
         n = (bench.normal[0, k], bench.normal[1, k], bench.normal[2, k])
         rate = (c.vx[i] - c.vx[j]) * n[0] + (c.vy[i] - c.vy[j]) * n[1] + (c.vz[i] - c.vz[j]) * n[2]
-        if (-rate - bench.normal[ROOM, k] > calm) & acts:
+        if (-rate - bench.normal[ROOM, k] > calm) & acts & (restitution_at(each, k) < 1):
             cluster[APPROACHES, at] = 1
         if bench.normal[PARTING, k] > 0:
             cluster[LIVELY, at] = 1
@@ -153,14 +154,15 @@ def see(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> None:
 
 
 @outlined
-def choose(bench: Any, a: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> Chosen:
+def choose(each: Any, c: Any, pairs: Any, walls: Any, calm: Any) -> Chosen:
     """Choose the contacts to solve for among clusters that are known (`join`), and scale them to a matrix J W Jᵀ with a
     diagonal of ones.
 
     With s_i = Σ w_i/(w₁ + w₂) over the contacts of particle i its largest eigenvalue is at most the largest s₁ + s₂ of a
     contact: it is a sum over particles of matrices of rank three, of which that of i has a norm of at most s_i.
     """
-    see(bench, a, c, pairs, walls, calm)
+    see(each, c, pairs, walls, calm)
+    bench, a = each.bench, each.a
     row, of, s, cluster = bench.desk.contacts, bench.desk.of, bench.desk.change, bench.desk.cluster
     m = 0
     for k in range(pairs):

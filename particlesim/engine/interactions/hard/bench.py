@@ -47,8 +47,8 @@ FARTHEST = 1.0
 
 
 class Bench(NamedTuple):
-    """Room to work in: rows of pairs [2, room], the smaller one first; normals and more of pairs [15, room]; what to add to
-    the difference of their places for the nearest image [3, room] [m].
+    """Room to work in: rows of pairs [2, room], the smaller one first, and the numbers of their tables [room]; normals and
+    more of pairs [15, room]; what to add to the difference of their places for the nearest image [3, room] [m].
 
     Rows of particles at colliders [walls], their normals and more [15, walls], the numbers of their colliders [walls], and
     where those at each collider of each group end. Of pairs, and after them of particles at walls: the friction that they
@@ -63,6 +63,7 @@ class Bench(NamedTuple):
     """
 
     rows: Any
+    table: Any
     normal: Any
     shift: Any
     wall: Any
@@ -83,6 +84,7 @@ def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any, roll
     """Room for some pairs, for particles at colliders, and for the ends of their lists, among some particles."""
     return Bench(
         np.zeros((2, room), np.int64),
+        np.zeros(room, np.int16),
         np.zeros((15, room), dtype),
         np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),

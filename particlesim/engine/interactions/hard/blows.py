@@ -16,8 +16,9 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.bench import REST
 from particlesim.engine.interactions.hard.friction import held_by
+from particlesim.engine.interactions.hard.laws import bounces_at
 from particlesim.engine.interactions.hard.overheard import tell_both
-from particlesim.engine.interactions.hard.turns import BLOWS, bounces_at
+from particlesim.engine.interactions.hard.turns import BLOWS
 from particlesim.engine.interactions.hard.ways import (
     HIT,
     IMPACTS,

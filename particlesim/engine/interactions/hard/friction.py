@@ -24,6 +24,7 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import PARTS, root
 from particlesim.engine.interactions.hard.bench import ARM, LIMIT, SHARE, SPINS, WORK
+from particlesim.engine.interactions.hard.laws import kinetic_at, rolling_at, static_at
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.state.columns import type_of
 from particlesim.engine.step.rubbing import STILL
@@ -62,9 +63,8 @@ def turn_pair(each: Any, c: Any, k: Any, tx: Any, ty: Any, tz: Any) -> None:
 def hold_pair(each: Any, c: Any, k: Any, slide: Any, given: Any) -> Any:
     """Bring the friction of pair k up to what it has been given along the normal; returns by how much that changes
     the velocity of the first relative to the second [m/s]."""
-    friction = each.law.friction
     slip, share = slip_of(each, c, k, slide), each.bench.normal[SHARE, k]
-    t = held_by(each.bench.held, k, slip, share, given, friction.static, friction.kinetic)
+    t = held_by(each.bench.held, k, slip, share, given, static_at(each, k), kinetic_at(each, k))
     turn_pair(each, c, k, t[0], t[1], t[2])
     return t
 
@@ -105,7 +105,7 @@ def hold_rolling(each: Any, c: Any, k: Any, given: Any) -> None:
     rolls = (x - up * n[0, k], y - up * n[1, k], z - up * n[2, k])
     mine, other = rolling_arms(each, c, k)
     if mine + other > 0:
-        most = type_of(x, each.law.rolling)
+        most = type_of(x, rolling_at(each, k))
         q = held_by(bench.rolled, k, rolls, type_of(x, 1) / (mine + other), given, most, most)
         roll_pair(each, c, k, q)
 

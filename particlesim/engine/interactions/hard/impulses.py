@@ -15,6 +15,8 @@ An approach as slow as forces bring about within two steps counts as rest, with 
 it has been given in the last step, and may take it back (`memory`). Where turns do not settle, clusters with few pairs are
 solved at once, as at rest (`at_once`).
 
+Several tables of contact act together (`laws`): the first one has the bench on which the impulses of all are found.
+
 Impulses act where forces do in a step, in its middle for most methods: along the normals there, and particles move on from
 there by as much. Then what still overlaps is moved apart (`apart`). Those that move far in a step have met what was on their
 way before all that (`swift`).
@@ -47,7 +49,9 @@ from particlesim.engine.interactions.hard.apart import (
 )
 from particlesim.engine.interactions.hard.asleep import asleep_by, let_sleep, nobody_sleeps, wake_all
 from particlesim.engine.interactions.hard.at_once import GIVEN, NUMBER, choose, find, rates
-from particlesim.engine.interactions.hard.bench import COUNT, NEAR, WANTED, WIDE, Bench, new_bench
+from particlesim.engine.interactions.hard.bench import COUNT, WANTED, Bench, new_bench
+from particlesim.engine.interactions.hard.laws import Laws, laws_of, some_rest, tables_of
+from particlesim.engine.interactions.hard.listing import list_touching, smallest_radius
 from particlesim.engine.interactions.hard.memory import (
     UNNOTICED,
     Known,
@@ -89,8 +93,7 @@ from particlesim.engine.interactions.lifting import book, lifted, stored
 from particlesim.engine.interactions.near_pairs import NearLists, bring_up, near_pairs_of
 from particlesim.engine.interactions.neighbours.record import Neighbours, enlarged, forget
 from particlesim.engine.interactions.pair_blocks import Block
-from particlesim.engine.interactions.touching import touching
-from particlesim.engine.state.columns import in_step, type_of
+from particlesim.engine.state.columns import in_step
 from particlesim.graph.graph import methods_of
 from particlesim.interactions import PairSet
 
@@ -104,10 +107,6 @@ the next step."""
 SINKS, SINK_TURNS = 0.01, 200
 """How much a turn takes from how far some would sink in the step, as a part of the smallest radius, from which on there are
 more turns; and how many there may be then."""
-DEEP, NEIGHBOURS, AROUND = 0.05, 0.3, 1.2
-"""Overlap at the end of a step, as a part of the smaller radius, from which on neighbours are listed, too, as what is moved
-apart comes into them; the gap up to which they are, as a part of the smaller radius; and the sum of both radii with it, at
-most, as a part of that sum."""
 ONE, OTHER, MEETS = 1, 2, 2
 """Bits of the two sides, and by how many those are above them which a side meets."""
 MOST_ROUNDS = 2
@@ -115,10 +114,14 @@ MOST_ROUNDS = 2
 
 
 class ImpulseColumns(NamedTuple):
-    """Hard contacts of one law: the first ten as in `NearColumns`; then room to work in, a report; the energy that moving
-    particles apart has given them so far [J], and how often one has had too many impacts in a step [2]; what contacts at
-    rest have been given. The ways of swift particles, which all of an island have in common; on which side of the contacts
-    particles are [n]: bits of what they are, and two bits above them of what they meet; what emitters hear of them."""
+    """Hard contacts of one law: the first ten as in `NearColumns`; the number of their table among those of the island.
+
+    Then what all of an island have in common, which is that of the first of them, and empty for others: room to work in, a
+    report; the energy that moving particles apart has given them so far [J], and how often one has had too many impacts in a
+    step [2]; what contacts at rest have been given, and who sleeps; the laws.
+
+    The ways of swift particles, which all of an island share; on which side of the contacts particles are [n]: bits of what
+    they are, and two bits above them of what they meet; what emitters hear of them."""
 
     law: Any
     least: Any
@@ -130,24 +133,26 @@ class ImpulseColumns(NamedTuple):
     seen: Block
     pull: Any
     box: Any
+    rank: Any
     bench: Bench
     report: Any
     fed: Any
     known: Known
     asleep: Any
+    laws: Laws
     ways: Ways
     side: Any
     heard: Overheard | None = None
 
 
 class Impulses(NearLists, ImpulseColumns):
-    """Hard contacts, which act between steps. One thread gives the impulses, after all have found the pairs."""
+    """Hard contacts, which act between steps, all tables of an island together. One thread gives the impulses, after all
+    have found the pairs."""
 
     __slots__ = ()
     prepares: ClassVar[bool] = False
-    concludes: ClassVar[bool] = True
     looks_back: ClassVar[bool] = True
-    hastens: ClassVar[bool] = True
+    jointly: ClassVar[bool] = True
     follows: ClassVar[frozenset[str]] = frozenset(ImpulseColumns._fields) - {
         "report",
         "fed",
@@ -163,11 +168,12 @@ class Impulses(NearLists, ImpulseColumns):
     ) -> None:
         hasten(sets, alone, parts, c, before, share, t, h)
 
-    def conclude(self, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
-        hold_stuck(self, c, share)
-        bring_up(self, in_step(c, t, t), share, t)  # who is not there touches nobody
+    def conclude_all(self, sets: Any, parts: Any, c: Any, before: Any, share: Any, t: Any, h: Any) -> None:
+        for each in sets:
+            hold_stuck(each, c, share)
+            bring_up(each, in_step(c, t, t), share, t)  # who is not there touches nobody
         if share.number == 0:
-            resolve(self, parts, c, before, t, h)
+            resolve(sets, sets[0], parts, c, before, t, h)
         meet(share.gate, share.threads)
 
     def renewed(self) -> Self:
@@ -204,6 +210,8 @@ class Impulses(NearLists, ImpulseColumns):
     def after(self, before: Interaction, place: Ints) -> Self:
         assert isinstance(before, Impulses)
         self.fed[:] = before.fed
+        if not self.leads:
+            return self
         known = known_by(before.known, place, self.bench.mark.size, self.known.partner.size)
         asleep = asleep_by(before.asleep, place, self.bench.mark.size)
         return self._replace(known=known, asleep=asleep)._with_room(
@@ -211,17 +219,11 @@ class Impulses(NearLists, ImpulseColumns):
         )
 
     def among(self, rows: Ints, place: Ints) -> Self:
+        found = super().among(rows, place)._replace(side=self.side[rows], heard=self._heard_among(rows))
+        if not self.leads:
+            return found
         known = known_by(self.known, place, rows.size, self.known.partner.size)
-        return (
-            super()
-            .among(rows, place)
-            ._replace(
-                known=known,
-                asleep=asleep_by(self.asleep, place, rows.size),
-                side=self.side[rows],
-                heard=self._heard_among(rows),
-            )
-        )
+        return found._replace(known=known, asleep=asleep_by(self.asleep, place, rows.size))
 
     def _heard_among(self, rows: Ints) -> Overheard | None:
         heard = self.heard
@@ -229,10 +231,17 @@ class Impulses(NearLists, ImpulseColumns):
 
     def bring_back(self, there: Self, rows: Ints, place: Ints) -> None:
         super().bring_back(there, rows, place)
+        if not self.leads:
+            return
         known = known_by(there.known, rows, rows.size, self.known.partner.size)
         for mine, theirs in zip(there_is(self.known), there_is(known), strict=True):
             mine[:] = theirs
         self.asleep[:, rows] = there.asleep
+
+    @property
+    def leads(self) -> bool:
+        """Whether it has what all hard contacts of the island have in common."""
+        return int(self.rank) == 0
 
     @property
     def slack(self) -> float:
@@ -256,93 +265,16 @@ class Impulses(NearLists, ImpulseColumns):
         return np.zeros(3)
 
 
-class Listed(NamedTuple):
-    """Pairs that touch, or may lie on each other, go to a list, each once; h: the step [s]; `beside`: the gap up to which
-    others do, as a part of the smaller radius."""
-
-    bench: Any
-    report: Any
-    h: Any
-    beside: Any
-
-    def take(self, each: Any, row: Any, other: Any, i: Any, p: Any) -> None:
-        """Append a pair once, whatever the rows are by which the two are known at present, with the smaller one first."""
-        change = self.bench.change
-        margin = type_of(p.x, NEAR * self.h) * max(change[row], change[other])
-        margin = max(margin, type_of(p.x, self.beside) * min(p.r1, p.r2))
-        gap = np.sqrt(p.x * p.x + p.y * p.y + p.z * p.z) - p.r1 - p.r2
-        if (each.near.place[row] < each.near.place[other]) & (gap < margin):
-            k, sign = self.report[COUNT], type_of(p.x, 1 if row < other else -1)
-            if k < self.bench.rows.shape[1]:
-                self.bench.rows[0, k], self.bench.rows[1, k] = min(row, other), max(row, other)
-                self.bench.shift[0, k] = sign * p.x
-                self.bench.shift[1, k] = sign * p.y
-                self.bench.shift[2, k] = sign * p.z
-            self.report[COUNT] = k + 1
-
-
-@outlined
-def list_touching(each: Any, c: Any, before: Any, t: Any, h: Any) -> None:
-    """List all pairs that touch, and those so near to each other that they may be at rest, in the order of the lists.
-
-    What lies on something is carried, with what it lies on, by rounding and by what turns have not found: without those that
-    do not touch at this moment, others would fall into them.
-    """
-    note_changes(each, c, before)
-    list_pairs(each, h, 0.0, t, WIDE)
-    if (each.law.restitution < 1) and deepest(each, c) > DEEP:  # elastic ones come to no rest
-        list_pairs(each, h, NEIGHBOURS, t, AROUND)
-
-
-@outlined
-def list_pairs(each: Any, h: Any, beside: Any, t: Any, wide: Any) -> None:
-    """List all pairs at rest, or with gaps up to a part of the smaller radius, and up to `wide` times the sum of both."""
-    each.report[COUNT] = 0
-    for g in range(each.near.begin.size):
-        touching(each, g, Listed(each.bench, each.report, h, beside), t, wide)
-    each.report[WANTED] = max(each.report[WANTED], each.report[COUNT])
-    each.report[COUNT] = min(each.report[COUNT], each.bench.rows.shape[1])
-
-
-@outlined
-def deepest(each: Any, c: Any) -> float:
-    """The deepest overlap of pairs in the list, as a part of the smaller radius."""
-    most, bench = 0.0, each.bench
-    for k in range(each.report[COUNT]):
-        i, j = bench.rows[0, k], bench.rows[1, k]
-        # from one to the other: not yet what is to be added to that
-        x, y, z = (float(bench.shift[axis, k]) for axis in range(3))
-        least = float(min(c.r[i], c.r[j]))
-        if least > 0:
-            most = max(most, (float(c.r[i] + c.r[j]) - np.sqrt(x * x + y * y + z * z)) / least)
-    return most
-
-
-def smallest_radius(each: Any, c: Any) -> float:
-    """The smallest radius of all pairs [m]."""
-    least = np.inf
-    for k in range(each.report[COUNT]):
-        least = min(least, float(min(c.r[each.bench.rows[0, k]], c.r[each.bench.rows[1, k]])))
-    return least
-
-
-def note_changes(each: Any, c: Any, before: Any) -> None:
-    """By how much velocities have changed in the step, 0 where contacts are elastic: there nothing rests."""
-    change = each.bench.change
-    for i in range(change.size):
-        x, y, z = c.vx[i] - before[3, i], c.vy[i] - before[4, i], c.vz[i] - before[5, i]
-        change[i] = np.sqrt(x * x + y * y + z * z) if each.law.restitution < 1 else x - x
-
-
-def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
-    """Impulses and displacements of all pairs that touch."""
-    list_touching(each, c, before, t, h)
+def resolve(tables: Any, each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+    """Impulses and displacements of all pairs that touch, of all tables; `each`: the first of these."""
+    list_touching(tables, each, c, before, t, h)
     mark_pairs(each)
     walls = watch_walls(each, parts, c, before, t, h)
     if each.report[COUNT] > 0:
         calm = look_at(each, c, before, walls, h)
-        if each.heard is not None:
-            overhear(each, c, t, h)
+        for table in tables:
+            if table.heard is not None:
+                overhear(each, table, c, t, h)
         note_speeds(each, c)
         if recall(each, c, walls):
             start(each, c, walls)
@@ -356,8 +288,8 @@ def resolve(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
             sinks = float(h) * worst > SINKS * smallest
             turn += 1
         low = stored(parts, c, each.bench.mark, t)
-        if going & (each.law.restitution < 1):
-            chosen = choose(each.bench, each.a, c, each.report[COUNT], walls, calm)
+        if going & some_rest(each.laws):
+            chosen = choose(each, c, each.report[COUNT], walls, calm)
             rest_at_once(each, parts, c, t, chosen, walls, calm)
             settle(each, c, before, walls, h)
             apart_at_once(each, parts, c, t, chosen, walls)
@@ -399,13 +331,13 @@ def rest_at_once(each: Any, parts: Any, c: Any, t: Any, chosen: Any, walls: Any,
     bench, pairs = each.bench, each.report[COUNT]
     if chosen.pairs > 0:
         k = 0
-        while k < (1 if each.law.friction is None else MOST_ROUNDS):
+        while k < (1 if each.laws.friction is None else MOST_ROUNDS):
             rates(bench, c, chosen, pairs)
             find(bench.desk, each.a, chosen, float(calm))
             push_pairs(each, c, pairs)
             push_from_walls(each, c, pairs, walls)
             rub_walls(each, parts, c)
-            if each.law.friction is not None:
+            if each.laws.friction is not None:
                 rub_pairs(each, c, pairs)
             k += 1
 
@@ -428,19 +360,20 @@ def impulses_of(site: Site, pairs: PairSet) -> Impulses:
     """Hard contacts among the particles of an island."""
     found = with_masses(site, near_pairs_of(site, pairs))
     count, colliders = site.whole.count, len(site.scenario.all_colliders)
-    room, sides = PAIRS * count + SOME, (SIDES * count if colliders else 0) + SOME
-    rolls = found.law.rolling is not None
-    bench = new_bench(room, sides, colliders * len(site.state) + 1, count, site.dtype, rolls)
-    known = new_known(room + sides, count, site.dtype, rolls)
+    laws, names = laws_of(site), [each.name for each in tables_of(site)]
+    rank, rolls = names.index(pairs.name), laws.rolling is not None
+    mine = count if rank == 0 else 0  # the first one has room for all
+    room, sides = PAIRS * mine + SOME, (SIDES * mine if colliders else 0) + SOME
+    bench = new_bench(room, sides, colliders * len(site.state) + 1, mine, site.dtype, rolls)
+    known = new_known(room + sides, mine, site.dtype, rolls)
     lag = methods_of(site.scenario)[pairs.groups[0]].lag
     ways, side = (
         site.common.setdefault("ways", new_ways(count, lag, site.obstacles)),
         sides_of(found.near, count),
     )
     heard = overheard_of(site, pairs.groups)
-    return Impulses(
-        *found, bench, np.zeros(3, np.int64), np.zeros(2), known, nobody_sleeps(count), ways, side, heard
-    )
+    report, fed, asleep = np.zeros(3, np.int64), np.zeros(2), nobody_sleeps(mine)
+    return Impulses(*found, rank, bench, report, fed, known, asleep, laws, ways, side, heard)
 
 
 def sides_of(near: Neighbours, count: int) -> Ints:

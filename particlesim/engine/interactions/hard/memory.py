@@ -43,6 +43,7 @@ from particlesim.engine.interactions.hard.bench import (
     farthest,
 )
 from particlesim.engine.interactions.hard.friction import roll_pair, turn_pair
+from particlesim.engine.interactions.hard.laws import rolling_at, static_at
 from particlesim.engine.interactions.hard.turns import give_pair
 from particlesim.engine.interactions.hard.walls import push_at_wall, roll_at_wall, turn_at_wall
 from particlesim.engine.interactions.interaction import Ints
@@ -117,8 +118,8 @@ def _recall_pairs(each: Any, c: Any) -> bool:
         i, j = bench.rows[0, k], bench.rows[1, k]
         u = (c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j])
         at = root(bench.desk.cluster, i if each.a[i] > 0 else j)
-        static = type_of(u[0], 0 if each.law.friction is None else each.law.friction.static)
-        rolling = type_of(u[0], 0 if each.law.rolling is None else each.law.rolling)
+        static = type_of(u[0], 0) if each.laws.friction is None else static_at(each, k)
+        rolling = type_of(u[0], 0) if each.laws.rolling is None else rolling_at(each, k)
         given = _recall(each, c, k, i, j, at, u, bench.normal, k, static, rolling)
         some = some | (given > 0)
     return some

@@ -63,9 +63,9 @@ def tell_both(
 
 
 @outlined
-def overhear(each: Any, c: Any, t: Any, h: Any) -> None:
-    """Tell the impacts among the pairs that touch at the end t of a step of h, before they have their impulses; from which
-    speed on one rebounds is known."""
+def overhear(each: Any, table: Any, c: Any, t: Any, h: Any) -> None:
+    """Tell the impacts among the pairs of a table that touch at the end t of a step of h, before they have their impulses;
+    from which speed on one rebounds is known."""
     bench = each.bench
     for k in range(each.report[COUNT]):
         i, j = bench.rows[0, k], bench.rows[1, k]
@@ -81,7 +81,8 @@ def overhear(each: Any, c: Any, t: Any, h: Any) -> None:
         w = (v[0] - u[0], v[1] - u[1], v[2] - u[2])
         closes = -(w[0] * x + w[1] * y + w[2] * z)
         overlap = float(c.r[i]) + float(c.r[j]) - far
-        if overlap >= 0 and closes > bench.normal[LEAST, k]:
+        mine = bench.table[k] == table.rank
+        if mine and overlap >= 0 and closes > bench.normal[LEAST, k]:
             back = min(overlap / closes, float(h))
             d = (far * x - back * w[0], far * y - back * w[1], far * z - back * w[2])
             size = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
@@ -90,4 +91,4 @@ def overhear(each: Any, c: Any, t: Any, h: Any) -> None:
                 speed = -(w[0] * n[0] + w[1] * n[1] + w[2] * n[2])
                 at = (c.x[i] - back * v[0], c.y[i] - back * v[1], c.z[i] - back * v[2])
                 other = (c.x[j] - back * u[0], c.y[j] - back * u[1], c.z[j] - back * u[2])
-                tell_both(each.heard, c, i, j, at, other, n, speed, v, u, t - back)
+                tell_both(table.heard, c, i, j, at, other, n, speed, v, u, t - back)

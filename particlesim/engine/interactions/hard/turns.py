@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.response import falls_by
 from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import (
     ALONG,
@@ -42,6 +41,7 @@ from particlesim.engine.interactions.hard.bench import (
     farthest,
 )
 from particlesim.engine.interactions.hard.friction import coupled, hold_pair, hold_rolling
+from particlesim.engine.interactions.hard.laws import bounces_of, restitution_at, static_at
 from particlesim.engine.interactions.hard.ways import HIT, STRUCK
 from particlesim.engine.interactions.pressing import cross
 from particlesim.engine.interactions.touching import line_between, overlap_at
@@ -153,12 +153,12 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         bench.normal[ROOM, k] = room
         if room > 0:  # which rests, or will hit in the next step
             near = ends - c.r[i] - c.r[j] <= type_of(most, NEAR * h) * change[at]
-            if (-now > least) | ((not near) & (each.law.restitution > 0)):
+            if (-now > least) | ((not near) & (restitution_at(each, k) > 0)):
                 bench.normal[PARTS, k] = bench.normal[PARTS + 1, k] = 0
             if not (near | stands):  # a neighbour that nobody presses on it
                 bench.normal[KEPT, k] = ANY
             least = type_of(most, ANY)
-        elif (-now <= least) & (each.law.restitution < 1):  # the fall of a step has hidden the gap
+        elif (-now <= least) & (restitution_at(each, k) < 1):  # the fall of a step has hidden the gap
             bench.normal[ROOM, k] = _gap_when_held(bench, c, before, k, h) / type_of(most, CLOSES * h)
             bench.normal[ROOM, k] -= _swerved(bench, k)
         bench.normal[LEAST, k], bench.normal[PARTING, k] = least, 0
@@ -221,8 +221,8 @@ def _most_given(each: Any, c: Any, before: Any, k: Any) -> float:
     speed = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     if most > REST * float(abs(mine - other)):
         return 2 * speed  # an impact, in a line that turns in the step
-    if each.law.friction is not None:
-        slide = min(float(each.law.friction.static) * most, speed)
+    if each.laws.friction is not None:
+        slide = min(float(static_at(each, k)) * most, speed)
         most = np.sqrt(most * most + slide * slide)
     return most
 
@@ -302,14 +302,13 @@ def changed_along(bench: Any, c: Any, before: Any, i: Any, x: Any, y: Any, z: An
 @outlined
 def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
     """A turn through all pairs; returns the largest change of a speed along a normal [m/s], and the sum of their squares."""
-    bench, friction, worst, squares = each.bench, each.law.friction, type_of(c.x[0], 0), 0.0
-    number, e = each.report[COUNT], type_of(c.x[0], each.law.restitution)
+    bench, number, worst, squares = each.bench, each.report[COUNT], type_of(c.x[0], 0), 0.0
     for q in range(number):
         k = number - 1 - q if backwards else q
         i, j = bench.rows[0, k], bench.rows[1, k]
         x, y, z = bench.normal[0, k], bench.normal[1, k], bench.normal[2, k]
         vx, vy, vz = c.vx[i] - c.vx[j], c.vy[i] - c.vy[j], c.vz[i] - c.vz[j]
-        approach = -(vx * x + vy * y + vz * z)
+        approach, e = -(vx * x + vy * y + vz * z), restitution_at(each, k)
         given = type_of(e, bench.desk.contacts[GIVEN, k])
         lacks = approach - bench.normal[ROOM, k]
         if ((lacks > 0) | (given > 0)) & (bench.normal[PARTS, k] + bench.normal[PARTS + 1, k] > 0):
@@ -317,7 +316,7 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
             lively = approach > bench.normal[LEAST, k]
             lively |= (e >= 1) & (approach > 0) & (bench.normal[STILL, k] == 0)
             later = bench.normal[LATER, k] if lively else e - e
-            bounces = bounces_at(each.law, approach - later)
+            bounces = bounces_of(each, k, approach - later)
             blow = blow_at(bench, i if each.a[i] > 0 else j, bench.normal[LEAST, k]) if lively else e - e
             change, push = given_at(bench, k, bench.normal, k, lacks, later, bounces, lively, blow)
             if lively:
@@ -325,7 +324,7 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
             worst = max(worst, abs(change))
             squares += float(change) * float(change)
             dx, dy, dz = change * x, change * y, change * z
-            if friction is not None:
+            if each.laws.friction is not None:
                 slide = (vx + approach * x, vy + approach * y, vz + approach * z)
                 tx, ty, tz = hold_pair(each, c, k, slide, push)
                 dx, dy, dz = dx + tx, dy + ty, dz + tz
@@ -335,12 +334,6 @@ def give_impulses(each: Any, c: Any, backwards: Any) -> Any:
                 if lively and coupled(each, c, k):
                     rub_and_roll(each, c, k, push)
     return worst, squares
-
-
-def bounces_at(law: Any, approach: Any) -> Any:
-    """Restitution at the approach of an impact [m/s]."""
-    e = type_of(approach, law.restitution)
-    return e if law.falling is None else e * falls_by(law.falling, approach)
 
 
 def blow_at(bench: Any, i: Any, least: Any) -> Any:
