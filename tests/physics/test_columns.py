@@ -156,20 +156,6 @@ def test_what_has_sunk_is_told() -> None:
     assert not told(0.0)  # as if both were pinned
 
 
-@pytest.mark.parametrize("beside", ["grains", "others"])
-def test_several_tables_of_contact_are_the_cause_only_where_they_share_a_group(beside: str) -> None:
-    scenario = upright(2, group={"name": "grains"}, law={"on": ["grains"]})
-    scenario["particles"][0]["layout"]["position"][1][1] = 2.8 * R
-    scenario["particles"][0]["layout"]["velocity"][1][1] = -1.0
-    for number, name in enumerate(("others", "more")):
-        scenario["particles"].append(points((1.0, R, 1.0 + number), mass=1.0, radius=R, name=name))
-    scenario["interactions"].append({"type": "contact", "restitution": 0, "between": [beside, "more"]})
-    simulation = Simulation(ps.from_table(scenario), threads=1)
-    (text,) = sunk(simulation)
-    simulation.close()
-    assert ("several tables of contact" in text) == (beside == "grains")
-
-
 def test_columns_do_not_tell_that_they_sink() -> None:
     assert not any("sunk" in text for text in ps.run(ps.from_table(upright(30))).warnings)
 

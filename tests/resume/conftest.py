@@ -211,10 +211,18 @@ GRAINS: Table = {
     ],
 }
 
-# Hard grains, some of which lie when a run stops, and are held by what they have been given.
+# Hard grains of two kinds, some of which lie when a run stops, and are held by what three tables of contact have given them.
 HARD: Table = GRAINS | {
+    "emitters": [
+        {**GRAINS["emitters"][0], "name": name, "mass": mass, "burst": {"count": 45, "at": at}}
+        for name, mass, at in (("grains", 0.01, 0), ("shot", 0.03, 0.05))
+    ],
     "planes": [{"restitution": 0.2, "friction": 0.4}],
-    "interactions": [{"type": "contact", "restitution": 0.2, "friction": 0.4, "rolling_friction": 0.2}],
+    "interactions": [
+        {"type": "contact", "on": ["grains"], "restitution": 0.2, "friction": 0.4, "rolling_friction": 0.2},
+        {"type": "contact", "on": ["shot"], "restitution": 0.5},
+        {"type": "contact", "between": ["grains", "shot"], "restitution": 0.3, "friction": 0.2},
+    ],
 }
 
 # Marbles in the tip of a pyramid, which tremble, fall asleep at 0.45 s, and wake up when something pushes them.

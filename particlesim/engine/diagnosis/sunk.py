@@ -46,17 +46,8 @@ def sunk(world: World) -> Iterator[str]:
         if deep.any():
             number, most = int(deep.sum()), float(depth[deep].max())
             have = "pair {} has" if number == 1 else "pairs {} have"
-            why = f"{SINK_TURNS} turns do not find the impulses of so many layers"
-            shared = [other for other in contacts if set(names).intersection(names_of(world, other))]
-            if len(shared) > 1:
-                why = "several tables of contact act one after the other"
             yield (
                 f"{number} {have.format(f'of {each.label}')} sunk into each other, by up to {most:.3g} m: "
-                f"{why}; "
+                f"{SINK_TURNS} turns do not find the impulses of so many layers; "
                 f'try a smaller dt, such as {world.grid.dt / 4:.3g} s, or springs (model = "linear")'
             )
-
-
-def names_of(world: World, contact: Contact) -> list[str]:
-    """The groups of a contact."""
-    return [group.name for group in interacting(contact, world.scenario.groups)]
