@@ -26,6 +26,7 @@ from particlesim.engine.interactions.hard.at_once import (
     X,
     Z,
 )
+from particlesim.engine.interactions.hard.laws import Laws
 from particlesim.engine.interactions.hard.turns import SETTLED
 from particlesim.engine.simulation import Simulation
 from particlesim.engine.snapshot import restore, snapshot
@@ -237,6 +238,7 @@ def test_heaps_and_what_flies_are_left_to_turns() -> None:
     def chosen(pairs: list[tuple[int, int]], walls: list[int], n: int = 4) -> int:
         bench = SimpleNamespace(
             rows=np.array(pairs).T,
+            table=np.zeros(len(pairs), int),
             normal=np.tile([[1.0], *[[0.0]] * 6, [0.5], [0.5], *[[0.0]] * 5], len(pairs)),
             wall=np.array(walls, int),
             wall_normal=np.tile([[0.0], [1.0], *[[0.0]] * 7], len(walls)),
@@ -244,7 +246,8 @@ def test_heaps_and_what_flies_are_left_to_turns() -> None:
         )
         c = SimpleNamespace(vx=np.array([-1.0, 0, 0, 0]), vy=np.zeros(n), vz=np.zeros(n))
         at_once.join(bench, np.ones(n), len(pairs), len(walls))
-        return int(at_once.choose(bench, np.ones(n), c, len(pairs), len(walls), 1e-9).pairs)
+        heap = SimpleNamespace(bench=bench, a=np.ones(n), laws=Laws(np.zeros(1)))
+        return int(at_once.choose(heap, c, len(pairs), len(walls), 1e-9).pairs)
 
     row = [(0, 1), (1, 2), (2, 3)]
     assert chosen(row, [1]) == 3
