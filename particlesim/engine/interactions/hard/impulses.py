@@ -267,9 +267,9 @@ class Impulses(NearLists, ImpulseColumns):
 
 def resolve(tables: Any, each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
     """Impulses and displacements of all pairs that touch, of all tables; `each`: the first of these."""
-    list_touching(tables, each, c, before, t, h)
+    crowded = list_touching(tables, each, c, before, t, h)
     mark_pairs(each)
-    walls = watch_walls(each, parts, c, before, t, h)
+    walls = watch_walls(each, parts, c, before, crowded, t, h)
     if each.report[COUNT] > 0:
         calm = look_at(each, c, before, walls, h)
         for table in tables:

@@ -45,16 +45,19 @@ class Listed(NamedTuple):
             self.report[COUNT] = k + 1
 
 
-def list_touching(tables: Any, each: Any, c: Any, before: Any, t: Any, h: Any) -> None:
-    """List all pairs that touch, and those so near to each other that they may be at rest, in the order of the lists.
+def list_touching(tables: Any, each: Any, c: Any, before: Any, t: Any, h: Any) -> bool:
+    """List all pairs that touch, and those so near to each other that they may be at rest, in the order of the lists;
+    returns whether neighbours are among them, too.
 
     What lies on something is carried, with what it lies on, by rounding and by what turns have not found: without those that
     do not touch at this moment, others would fall into them.
     """
     note_changes(each, c, before)
     list_pairs(tables, each, h, 0.0, t, WIDE)
-    if some_rest(each.laws) and deepest(each, c) > DEEP:
+    crowded = some_rest(each.laws) and deepest(each, c) > DEEP
+    if crowded:
         list_pairs(tables, each, h, NEIGHBOURS, t, AROUND)
+    return crowded
 
 
 def list_pairs(tables: Any, each: Any, h: Any, beside: Any, t: Any, wide: Any) -> None:

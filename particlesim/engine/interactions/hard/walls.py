@@ -70,13 +70,16 @@ def whole(n: Any, like: Any) -> Any:
     return tuple(type_of(like, 0) if axis is None else axis for axis in n)
 
 
-def watch_walls(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> Any:
-    """List particles in pairs that are near a collider, collider after collider; returns how many there are."""
+def watch_walls(each: Any, parts: Any, c: Any, before: Any, crowded: Any, t: Any, h: Any) -> Any:
+    """List particles in pairs that are near a collider, collider after collider; returns how many there are. Those that are
+    `crowded` by others may be moved further, and into colliders that are not as near."""
     end, k = each.report[COUNT] - each.report[COUNT], 0
     for part in parts:
         for collider in colliders_of(part):
             begin = end
-            end = watch_wall(each, part.rolling, collider, k, c, before, t, h, part.first, part.last, end)
+            end = watch_wall(
+                each, part.rolling, collider, k, c, before, crowded, t, h, part.first, part.last, end
+            )
             note_carried(each, part.forces, c, before, begin, end, t, h)
             each.bench.ends[k] = end
             k += 1
@@ -91,6 +94,7 @@ def watch_wall(
     number: Any,
     c: Any,
     before: Any,
+    crowded: Any,
     t: Any,
     h: Any,
     first: Any,
@@ -117,6 +121,10 @@ def watch_wall(
                         end = list_ahead(each, rolling, collider, number, c, before, h, i, p, q, end)
                 elif thrown_back(collider, before, h, i, p, g, whole(n, g)):
                     bench.mark[i] = PAIRED | THROWN
+                if crowded & (g >= type_of(g, NEAR_WALL) * p.r) & (g < p.r):
+                    mark = bench.mark[i]
+                    end = list_side(each, rolling, collider, number, c, before, h, i, p, g, whole(n, g), end)
+                    bench.mark[i] = mark
     return end
 
 
