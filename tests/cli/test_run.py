@@ -103,6 +103,7 @@ def test_dry_run_writes_nothing(psim):
     assert files() == before
 
 
+@pytest.mark.slow  # bounds of the steepness of so many pairs take long with quick kernels
 def test_a_dry_run_of_too_many_pairs_tries_none(psim):
     Path("many.toml").write_text(
         '[simulation]\nduration = 1.0\ndt = 0.01\n\n[[particles]]\nmass = 1.0\nlayout = { type = "random", count = 100000, '
