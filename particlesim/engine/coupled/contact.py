@@ -49,9 +49,11 @@ def collide(
     h: Any,
     rebounds: Any = None,
     kept: Any = None,
+    held: Any = None,
 ) -> None:
     """Contacts at the end of a step; with `rebounds`, those that bounce are listed there; `kept`: what the step before has
-    led to (`again`), None where that is not kept.
+    led to (`again`), None where that is not kept; `held`: 1 of those that have been held back in the step already, and is
+    set for those that are now, None where it does not matter.
 
     A particle that ends inside a collider is followed from impact to impact on the parabola from the beginning of the step
     to where its method has led it. With another path, particles that lie on a collider would oscillate with growing
@@ -64,13 +66,17 @@ def collide(
         if hard or len(part.contacts.soft) > 0:
             first, last = max(share.first, part.first), min(share.last, part.last)
             rubs = (part.rubbing, part.rolling)
-            _collide(part.contacts, rubs, c, before, first, last, t, end, h, False, share, rebounds, kept)
+            _collide(
+                part.contacts, rubs, c, before, first, last, t, end, h, False, share, rebounds, kept, held
+            )
         if part.cores is not None:
             first, last = max(share.first, part.first), min(share.last, part.last)
             for lo in range(first, last, BLOCK):
                 hi = min(lo + BLOCK, last)
                 if is_deep(part.cores, block_of(c, lo, hi), end):
-                    _collide(part.cores, ((), None), c, before, lo, hi, t, end, h, True, share, None, None)
+                    _collide(
+                        part.cores, ((), None), c, before, lo, hi, t, end, h, True, share, None, None, None
+                    )
 
 
 def core_of(p: Any) -> Any:
@@ -150,6 +156,12 @@ def _followed(on: Any, contacts: Any, p: Any, q: Any, h: Any, kept: Any, i: Any)
     return r, outcome, hit, exhausted, struck
 
 
+def is_other(q: Any, r: Any) -> bool:
+    """Whether a particle ends its step otherwise."""
+    moved = (r.x != q.x) | (r.y != q.y) | (r.z != q.z)
+    return bool(moved | (r.vx != q.vx) | (r.vy != q.vy) | (r.vz != q.vz))
+
+
 def is_deep(contacts: Any, q: Any, t: Any) -> Any:
     """Whether the core of some particle of a block may be in a collider, or behind a thin one."""
     if isinstance(contacts, Careful) and (
@@ -179,6 +191,7 @@ def _collide(
     share: Any,
     rebounds: Any,
     kept: Any,
+    held: Any,
 ) -> None:
     """`collide` for particles [first, last), which meet the same colliders; for the cores of those that are `soft`. `rubs`:
     colliders with friction of those that turn, and rolling friction."""
@@ -187,7 +200,7 @@ def _collide(
         begin, hi = span(c.clock, i, t, end, h)
         if rebounds is not None:
             rebounds.lies[i] = False
-        if hi > 0:
+        if hi > 0 and (held is None or held[i] == 0):
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
             p = came_from(before, i, q, begin, hi, soft)
             if overlapped(contacts, p, q, hi):
@@ -232,5 +245,7 @@ def _collide(
                     forget(c.memory, i)
             if c.missed is not None and len(passable(contacts)) > 0:
                 c.missed[i] += crossings(contacts, p, r, hi)
+            if held is not None:
+                held[i] = 1 if is_other(q, r) else 0
             store(c, i, r)
             note(c.clock, i, outcome, r.t)

@@ -261,7 +261,8 @@ def end_step(
     """Contacts, what interactions do then, and breaking after a step; returns whether it was a good one in all shares, else
     restores its beginning if that has been kept. `anew`: as `rolls_anew`."""
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
-    collide(parts, c, work.before, share, t, end, h, work.rebounds, work.again)
+    held = None if work.system is None else work.system.held
+    collide(parts, c, work.before, share, t, end, h, work.rebounds, work.again, held)
     if work.rebounds is not None:
         settle_rebounds(parts, bonds, c, work, share, t, end, h)
     after_contact(share.rods, c, share)

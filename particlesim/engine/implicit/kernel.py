@@ -14,6 +14,7 @@ import numpy as np
 
 from particlesim.compiler import kernel, outlined, shared
 from particlesim.engine.barrier import meet, team_of
+from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.forces import evaluate, roll, twist
 from particlesim.engine.coupled.kernel import begin_step, end_interval, end_step, inertialess, pauses
 from particlesim.engine.implicit.krylov import (
@@ -30,8 +31,10 @@ from particlesim.engine.implicit.krylov import (
     stabilised,
     summed,
 )
-from particlesim.engine.implicit.linear_system import linearise
+from particlesim.engine.implicit.linear_system import FLAGS, HELD, linearise
 from particlesim.engine.state.columns import block_of, fetch, in_step, recall, span, type_of
+from particlesim.engine.state.prescribed import drive
+from particlesim.engine.step.contacts import Simple
 from particlesim.engine.step.newton import GROWTH, HALVINGS, ROUNDING
 from particlesim.engine.step.particle_step import Newtonian
 from particlesim.integrators import ImplicitMethod
@@ -87,11 +90,24 @@ def staged_implicit(method: ImplicitMethod, dtype: Any, solver: Symmetric | Gene
 def evolve_implicit(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
-    """A step of an island: Newton iterations, each with a linear solve, until the residual is small; then its end."""
-    s = work.system
-    reach, now = type_of(h, method.gamma) * h, t + method.node * (end - t)
+    """A step of an island: its equations are solved, and give its end."""
+    reach = type_of(h, method.gamma) * h
     begin(method, parts, bonds, c, work, share, t, end, h)
     turn_ahead(c, share, type_of(h, method.node) * h)
+    if solve_step(method, parts, bonds, c, work, share, t, end, h):
+        finish(method, c, work, share, reach, t, end, h)
+        turn(c, work.force, share, t, end, h)
+    else:
+        share.wild[8 * share.number] = 1
+
+
+@outlined
+def solve_step(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
+) -> bool:
+    """Newton iterations, each with a linear solve, until the residual is small; returns whether it is."""
+    s = work.system
+    reach, now = type_of(h, method.gamma) * h, t + method.node * (end - t)
     ended, iterations, spent, halved, taken = GOING, 0, 0, 0, 1.0
     first, last, goal, enough, size, slack = 0.0, np.inf, 0.0, 0.0, 0.0, 0.0
     while ended == GOING:
@@ -130,14 +146,10 @@ def evolve_implicit(
             if status == SOLVED:
                 change(c, s, share, 1.0, reach)
             meet(share.gate, share.threads)
-    if ended == SOLVED:
-        finish(method, c, work, share, reach, t, end, h)
-        turn(c, work.force, share, t, end, h)
-    else:
-        share.wild[8 * share.number] = 1
     if share.number == 0:
         s.report[0], s.report[2], s.report[3] = ended, iterations, spent
         s.report[1] = np.sqrt(size / first) if first > 0 else 0.0
+    return bool(ended == SOLVED)
 
 
 def left_by_errors(c: Any, s: Any, share: Any) -> Any:
@@ -270,7 +282,7 @@ def begin_part(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, en
     lean, reach = type_of(h, method.slope) * h, type_of(h, method.gamma) * h
     for i in range(max(share.first, part.first), min(share.last, part.last)):
         _, hi = span(c.clock, i, t, end, h)
-        s.free[i] = type_of(h, 1 if hi > 0 else 0)
+        s.free[i], s.held[i] = type_of(h, 1 if hi > 0 else 0), 0
         p = fetch(c, i, t)
         ux, uy, uz, ax, ay, az = slope_of(
             part.dynamics, part.forces, p, force[0, i], force[1, i], force[2, i]
@@ -376,6 +388,94 @@ def _finish(
             recollect(memory, i, before, (*x, *v), cut_short(clock, i, before, (*x, *v), t, end, h))
 
 
+# What colliders hold back
+
+
+def may_be_held(parts: Any, bonds: Any, c: Any, work: Any, share: Any) -> bool:
+    """Whether colliders may hold back particles that are coupled to others, and nothing else changes what they do then."""
+    coupled = len(bonds) > 0 or any(type(each).numbers > 0 for each in share.elements)
+    plain = work.rebounds is None and share.rods is None and c.spin is None and not inertialess(parts)
+    return coupled and plain and any(is_hard(part) for part in parts)
+
+
+def is_hard(part: Any) -> bool:
+    """Whether a group meets colliders, and all of these are hard."""
+    contacts = part.contacts
+    some = not isinstance(contacts, Simple) or len(contacts.colliders) > 0
+    return some and part.cores is None and len(contacts.soft) == 0
+
+
+@outlined
+def solve_around(
+    method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
+) -> None:
+    """Solve the equations of a step again, around those particles that colliders have held back in it.
+
+    Put back alone, they would stretch what joins them to others by as much as these all move in a step, and methods that are
+    stable in long steps would not be where something lies, or lands.
+    """
+    if good(share) and some_held(parts, c, work, share, t, end, h):
+        begin_around(method, c, work, share, h)
+        meet(share.gate, share.threads)
+        solved = solve_step(method, parts, bonds, in_step(c, t, end), work, share, t, end, h)
+        if solved:
+            finish(method, in_step(c, t, end), work, share, type_of(h, method.gamma) * h, t, end, h)
+        end_around(c, work.system, share, solved)
+
+
+def good(share: Any) -> bool:
+    """Whether the step has been one so far, in all shares."""
+    meet(share.gate, share.threads)
+    found = share.wild.sum() == 0
+    meet(share.gate, share.threads)
+    return bool(found)
+
+
+def some_held(parts: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> bool:
+    """Let particles meet colliders; returns whether these have held some back."""
+    s, some = work.system, False
+    drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
+    collide(parts, c, work.before, share, t, end, h, None, work.again, s.held)
+    for i in range(share.first, share.last):
+        some = some | (s.held[i] != 0)
+    s.flags[FLAGS * share.number + HELD] = 1 if some else 0
+    meet(share.gate, share.threads)
+    for k in range(share.threads):
+        some = some | (s.flags[FLAGS * k + HELD] != 0)
+    meet(share.gate, share.threads)
+    return some
+
+
+def begin_around(method: Any, c: Any, work: Any, share: Any, h: Any) -> None:
+    """The state from which the equations are solved again: what is held is where the step takes it, others are where it has
+    taken them, all at the time of the equations."""
+    s, reach, half = work.system, type_of(h, method.gamma) * h, type_of(h, 0.5)
+    for axis, (place, speed) in enumerate(zip((c.x, c.y, c.z), (c.vx, c.vy, c.vz), strict=True)):
+        for i in range(share.first, share.last):
+            s.ended[axis, i], s.ended[3 + axis, i] = place[i], speed[i]
+            if (s.held[i] != 0) | (s.free[i] > 0):
+                was, x, v = work.before[axis, i], place[i], speed[i]
+                if method.middle:
+                    x, v = half * (x + was), half * (v + work.before[3 + axis, i])
+                if method.linear:  # positions are those of the beginning, and lead to others
+                    held = s.held[i] != 0
+                    s.lead[axis, i] = (x - was) / reach if held else work.before[3 + axis, i]
+                    place[i], speed[i] = was, v if held else work.before[3 + axis, i]
+                else:
+                    place[i], speed[i] = x, v
+    for i in range(share.first, share.last):
+        s.free[i] = s.free[i] if s.held[i] == 0 else h - h
+
+
+def end_around(c: Any, s: Any, share: Any, solved: Any) -> None:
+    """What is held ends the step where colliders have it; where nothing has been found all end it as before."""
+    for axis, (place, speed) in enumerate(zip((c.x, c.y, c.z), (c.vx, c.vy, c.vz), strict=True)):
+        for i in range(share.first, share.last):
+            if (s.held[i] != 0) | (not solved):
+                place[i], speed[i] = s.ended[axis, i], s.ended[3 + axis, i]
+    meet(share.gate, share.threads)
+
+
 @kernel
 def step_island_implicit(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, first_step: Any, steps: Any, dt: Any
@@ -386,6 +486,8 @@ def step_island_implicit(
         t, end = (first_step + step) * dt, (first_step + step + 1) * dt
         begin_step(c, work, share)
         evolve_implicit(method, parts, bonds, in_step(c, t, end), work, share, t, end, h)
+        if may_be_held(parts, bonds, c, work, share):
+            solve_around(method, parts, bonds, c, work, share, t, end, h)
         if not end_step(parts, bonds, c, work, share, t, end, h):
             return step
         if pauses(share, step, steps):

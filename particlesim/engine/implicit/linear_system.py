@@ -32,8 +32,8 @@ from particlesim.laws.registry import (
     velocity_dx,
 )
 
-GENERAL, COUPLED_AXES = 0, 1
-"""Flags of a system, for every thread: some G is not symmetric; some G is not zero."""
+GENERAL, COUPLED_AXES, HELD = 0, 1, 2
+"""Flags of a system, for every thread: some G is not symmetric; some G is not zero; colliders have held some back."""
 LANES = 64
 """Partial sums that run in parallel, as vectors; chunks of particles are multiples of it, except for the last."""
 FLAGS = 8
@@ -45,12 +45,12 @@ class System(NamedTuple):
 
     `inertia` D and `free` (1, or 0 for particles that do not move) [n]; `own` G row by row [9, n]; `block`: the 3 × 3 blocks
     on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `anchor`: their part without springs to free
-    particles; `base`: X₀ and V₀ of the step [6, n]; `lead`: the
-    velocity with which a single linear solve expects positions to move; `residual` r, `solution` δ, and work of the solver;
-    `springs`: w and q of every slot [4, slots], for every set; `forms`: what the other interactions of a
-    thread keep of their linearisation; `pull`: scratch of a thread [8, chunk], and `lanes` for its
-    sums; `partial`: sums of chunks [4, chunks]; `flags`; `report`: how the last step ended, its relative residual, and its
-    Newton and linear iterations.
+    particles; `base`: X₀ and V₀ of the step [6, n]; `lead`: the velocity with which a single linear solve expects positions
+    to move; `held`: 1 of those that a collider has held back in the step [n], and `ended`: the motion of all at its end
+    [6, n] (`kernel.solve_around`); `residual` r, `solution` δ, and work of the solver; `springs`: w and q of every slot
+    [4, slots], for every set; `forms`: what the other interactions of a thread keep of their linearisation; `pull`: scratch
+    of a thread [8, chunk], and `lanes` for its sums; `partial`: sums of chunks [4, chunks]; `flags`; `report`: how the last
+    step ended, its relative residual, and its Newton and linear iterations.
     """
 
     inertia: Any
@@ -60,6 +60,8 @@ class System(NamedTuple):
     anchor: Any
     base: Any
     lead: Any
+    held: Any
+    ended: Any
     residual: Any
     solution: Any
     near: Any
@@ -93,6 +95,8 @@ def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Syste
         anchor=rows(6),
         base=rows(6),
         lead=rows(3),
+        held=np.zeros(count, np.int8),
+        ended=rows(6),
         residual=rows(3),
         solution=rows(3),
         near=rows(3),
