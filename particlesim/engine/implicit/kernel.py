@@ -32,6 +32,7 @@ from particlesim.engine.implicit.krylov import (
     summed,
 )
 from particlesim.engine.implicit.linear_system import FLAGS, HELD, linearise
+from particlesim.engine.interactions.hard.walls import colliders_of
 from particlesim.engine.state.columns import block_of, fetch, in_step, recall, span, type_of
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.contacts import Simple
@@ -394,15 +395,22 @@ def _finish(
 def may_be_held(parts: Any, bonds: Any, c: Any, work: Any, share: Any) -> bool:
     """Whether colliders may hold back particles that are coupled to others, and nothing else changes what they do then."""
     coupled = len(bonds) > 0 or any(type(each).numbers > 0 for each in share.elements)
-    plain = work.rebounds is None and share.rods is None and c.spin is None and not inertialess(parts)
-    return coupled and plain and any(is_hard(part) for part in parts)
+    plain = share.rods is None and c.spin is None and not inertialess(parts)
+    hard = all(part.cores is None and len(part.contacts.soft) == 0 for part in parts)
+    return coupled and plain and hard and any(has_colliders(part) for part in parts)
 
 
-def is_hard(part: Any) -> bool:
-    """Whether a group meets colliders, and all of these are hard."""
-    contacts = part.contacts
-    some = not isinstance(contacts, Simple) or len(contacts.colliders) > 0
-    return some and part.cores is None and len(contacts.soft) == 0
+def has_colliders(part: Any) -> bool:
+    """Whether a group may meet colliders."""
+    return not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
+
+
+def loses(part: Any) -> bool:
+    """Whether what hits the colliders of a group loses energy there, so that nobody misses what is lost by the way."""
+    lossy = True
+    for collider in colliders_of(part):
+        lossy = lossy & (collider.response.bounce < 2)
+    return bool(lossy)
 
 
 @outlined
@@ -414,7 +422,8 @@ def solve_around(
     Put back alone, they would stretch what joins them to others by as much as these all move in a step, and methods that are
     stable in long steps would not be where something lies, or lands.
     """
-    if good(share) and some_held(parts, c, work, share, t, end, h):
+    lossy = work.rebounds is None or all(loses(part) for part in parts)
+    if good(share) and lossy and some_held(parts, c, work, share, t, end, h):
         begin_around(method, c, work, share, h)
         meet(share.gate, share.threads)
         solved = solve_step(method, parts, bonds, in_step(c, t, end), work, share, t, end, h)
