@@ -444,15 +444,32 @@ def some_held(parts: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: An
     """Let particles meet colliders; returns whether these have held some back."""
     s, some = work.system, False
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
+    for axis, speed in enumerate((c.vx, c.vy, c.vz)):
+        for i in range(share.first, share.last):
+            s.near[axis, i] = speed[i]
     collide(parts, c, work.before, share, t, end, h, None, work.again, s.held)
     for i in range(share.first, share.last):
-        some = some | (s.held[i] != 0)
+        if s.held[i] != 0:
+            some = True
+            recollect_pull(c, s.near, work.before, i, h)
     s.flags[FLAGS * share.number + HELD] = 1 if some else 0
     meet(share.gate, share.threads)
     for k in range(share.threads):
         some = some | (s.flags[FLAGS * k + HELD] != 0)
     meet(share.gate, share.threads)
     return some
+
+
+def recollect_pull(c: Any, free: Any, before: Any, i: Any, h: Any) -> None:
+    """Have the method remember of particle i, which a collider has held back, that it came where it is under the force that
+    the solution has found, with which it would have the velocity `free`. The present force may be that of a stiff spring,
+    and by so much in a step it would be thrown away."""
+    if len(c.memory) > 0:
+        for axis, speed in enumerate((c.vx, c.vy, c.vz)):
+            change = free[axis, i] - before[3 + axis, i]
+            c.memory[axis][i] = h * (speed[i] - type_of(h, 0.5) * change)
+            c.memory[3 + axis][i] = change
+        c.memory[6][i] = h
 
 
 def begin_around(method: Any, c: Any, work: Any, share: Any, h: Any) -> None:
