@@ -33,7 +33,11 @@ def tables_of(site: Site) -> tuple[PairSet, ...]:
     """The hard contacts of an island, in the order in which they act."""
     scenario, found = site.scenario, []
     for each in pair_sets(scenario):
-        hard = isinstance(each.law, Contact) and each.law.by_impulses and each.groups[0] in site.state
+        hard = (
+            isinstance(each.law, Contact)
+            and each.law.by_impulses
+            and any(name in site.state for name in each.groups)
+        )
         groups = [group for group in scenario.groups if group.name in each.groups]
         if hard and not touches_by_surfaces(each.law, groups):
             found.append(each)
