@@ -63,6 +63,7 @@ def beverloo(neck: float) -> float:
     return 0.58 * share * math.sqrt(G) * (2 * neck - 1.4 * d) ** 2.5 / (math.pi / 6 * d**3)
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_sand_runs_out_of_an_hourglass_by_beverloos_law() -> None:
     narrow, wide = (grains_a_second(neck) for neck in (0.010, 0.014))

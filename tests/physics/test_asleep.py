@@ -56,6 +56,7 @@ def fallen(
     )
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler", "stormer_verlet"])
 @pytest.mark.parametrize(("sides", "friction"), [(4, 0.0), (4, 0.4)])
 def test_marbles_in_the_tip_of_a_pyramid_come_to_rest_to_the_last_bit(

@@ -177,6 +177,7 @@ def test_grains_that_stick_to_the_floor_carry_a_box() -> None:
     assert np.abs(speeds[-1]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_floor_that_moves_takes_grains_and_what_lies_on_them_along() -> None:
     floor = {"name": "floor", "type": "plane", "point": [0, 0, 0], "normal": [0, 1, 0], "restitution": 0.0}
     lift = {"collider": "floor", "path": ["0", "0.1*t", "0"]}
@@ -235,12 +236,14 @@ def deepest(final: Any, n: int) -> float:
     return float((1 - out / R).max())
 
 
+@pytest.mark.slow
 def test_no_box_sinks_into_a_heap_of_grains() -> None:
     result = simulate(0.5, H, **heap())
     assert result.missed_crossings == 0
     assert deepest(result.final, 108) < 0.05
 
 
+@pytest.mark.slow
 def test_a_heap_larger_than_what_is_looked_at_carries_a_box(monkeypatch: Any) -> None:
     monkeypatch.setattr(meetings, "ENOUGH", 40)
     result = simulate(0.3, H, **heap())
@@ -278,6 +281,7 @@ def test_the_same_bits_after_a_stop_and_for_any_number_of_threads(monkeypatch: A
     assert bits(one) == bits(two) == bits(again)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param("symplectic_euler", marks=pytest.mark.slow), "velocity_verlet"]
 )

@@ -337,6 +337,7 @@ def test_what_is_pressed_onto_a_body_lies_on_its_surface_at_rest(method: str, h:
     assert -1.1e-7 <= x[0, 1] - x[2, 1] - 0.11 < 1e-9
 
 
+@pytest.mark.slow
 def test_a_body_that_grains_hit_between_walls_gains_nothing() -> None:
     # Grains that jam between a box and walls: what walls give back is no force that may be awaited, which had driven the box
     # on (0.18 J in 5 steps). A hop that ends within a step takes up to m g h u of each grain, and gives it back.

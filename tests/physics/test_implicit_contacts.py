@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import energies, table
+from simulate import G, energies, table
 
 import particlesim as ps
 from particlesim.engine.simulation import Simulation
@@ -64,7 +64,6 @@ TABLE = {"type": "box", "center": [0, 0.4, 0], "size": [0.5, 1, 0.5]}
 @pytest.mark.parametrize(
     ("method", "restitution", "gain"),
     [
-        ("backward_euler", 0.0, 1e-9),
         ("bdf2", 0.0, 1e-9),
         ("implicit_midpoint", 0.0, 1e-9),
         pytest.param("implicit_midpoint", 0.5, 2e-3, marks=pytest.mark.slow),
@@ -89,15 +88,14 @@ def test_jelly_that_lands_on_the_floor_gains_nothing_and_lies(
 @pytest.mark.parametrize(
     ("method", "h", "collider"),
     [
-        ("backward_euler", 1 / 250, BALL),
-        pytest.param("backward_euler", 1 / 250, TABLE, marks=pytest.mark.slow),
         ("bdf2", 1e-3, TABLE),
+        pytest.param("bdf2", 2e-3, BALL, marks=pytest.mark.slow),
         pytest.param("implicit_midpoint", 1e-3, BALL, marks=pytest.mark.slow),
     ],
 )
 def test_stiff_cloth_lies_on_things(method: str, h: float, collider: dict[str, Any]) -> None:
-    # It had danced on the table under bdf2 with 3 m/s, until it fell off, and had gained a hundredth to a quarter of its
-    # energy under backward Euler as it fell on things; now a thousandth where it goes round an edge.
+    # It had danced on the table under bdf2 with 3 m/s, until it fell off; now it gains a thousandth where it goes round an
+    # edge.
     given = cloth(method, h, collider)
     found = energies(given)
     assert found.max() <= found[0] * (1 + 1e-12)
@@ -111,10 +109,10 @@ def test_stiff_cloth_lies_on_things(method: str, h: float, collider: dict[str, A
 )
 def test_threads_and_stops_leave_no_trace(method: str) -> None:
     # On a ball that moves, which takes the cloth along.
-    given = cloth(method, 2e-3, {**BALL, "name": "ball"}, 0.4)
+    given = cloth(method, 1e-3, {**BALL, "name": "ball"}, 0.4)
     given["motions"] = [{"collider": "ball", "path": ["x + 0.3 * sin(3 * t)", "y", "z"]}]
     ends = []
-    for threads, stops in ((1, (200,)), (2, (200,)), (2, (77, 150, 200))):
+    for threads, stops in ((1, (300,)), (2, (300,)), (2, (170, 220, 300))):
         simulation = Simulation(ps.from_table(given), threads=threads)
         for stop in stops:
             simulation.advance_to(stop)
@@ -122,3 +120,20 @@ def test_threads_and_stops_leave_no_trace(method: str) -> None:
         ends.append(state.x.tobytes() + state.v.tobytes())
         simulation.close()
     assert ends[0] == ends[1] == ends[2]
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("method", ["backward_euler", "bdf2", "implicit_midpoint", "trapezoidal"])
+def test_jelly_on_a_slope_is_held_by_friction(method: str) -> None:
+    # All layers weigh on the lowest one: with friction of a tenth more than the slope asks for it stays, in long steps, too.
+    slope = 0.3
+    block = jelly(method, 0.0)
+    block["particles"][0]["layout"]["origin"] = [-0.15, 0, -0.15]
+    block["particles"][0]["springs"] = {"structural": 3000.0, "shear": 3000.0, "damping": 0.5}
+    force = [f"m * {G * np.sin(slope)}", f"-m * {G * np.cos(slope)}", "0"]
+    block["forces"] = [{"type": "field", "force": force}]
+    block["colliders"][0]["friction"] = 1.1 * np.tan(slope)
+    block["simulation"]["duration"] = 1.0
+    final = ps.run(ps.from_table(block)).final
+    # backward Euler lets it creep: its springs are damped while the lowest layer is put back
+    assert np.abs(final.velocity.mean(axis=0)).max() < (0.05 if method == "backward_euler" else 2e-3)

@@ -167,6 +167,7 @@ def test_balls_touch_surfaces_and_nothing_else(name: str, inside: bool) -> None:
         assert (found < expected - radius + 1e-9).all()
 
 
+@pytest.mark.slow
 def test_balls_fall_freely_through_rooms_that_overlap() -> None:
     # The rim is 20 mm from the axis; φ on it is 3 mm and less where the rooms overlap.
     radii = [0.0005, 0.0018, 0.004, 0.008, 0.014]

@@ -67,6 +67,7 @@ def ended(scenario: ps.Scenario, *, threads: int = 1, every: int = 200, block: i
     return state.x.tobytes() + state.v.tobytes()
 
 
+@pytest.mark.slow
 def test_same_bits_however_it_is_cut() -> None:
     scenario = crowd()
     whole = ended(scenario)

@@ -230,7 +230,7 @@ WELLS: dict[str, tuple[str, Callable[..., Any], Callable[..., Any], Callable[...
     [
         ("gaussian", "ball"),
         pytest.param("gaussian", "aside", marks=pytest.mark.slow),
-        ("sextic", "floor"),
+        pytest.param("sextic", "floor", marks=pytest.mark.slow),
         pytest.param("gaussian", "box", marks=pytest.mark.slow),
         pytest.param("quartic", "floor", marks=pytest.mark.slow),
         pytest.param("sextic", "corner", marks=pytest.mark.slow),

@@ -211,6 +211,7 @@ def test_fast_points_on_a_tilted_floor_rebound_from_a_wall() -> None:
     assert speeds[-1] @ along == pytest.approx(-0.5 * v, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tiles", ["boxes", "union"])
 def test_points_dropped_on_the_line_where_two_boxes_touch_do_not_fall_through(tiles: str) -> None:
     n, h = 60, 0.01

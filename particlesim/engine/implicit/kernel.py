@@ -420,9 +420,10 @@ def solve_around(
     """Solve the equations of a step again, around those particles that colliders have held back in it.
 
     Put back alone, they would stretch what joins them to others by as much as these all move in a step, and methods that are
-    stable in long steps would not be where something lies, or lands.
+    stable in long steps would not be where something lies, or lands. Not so with a single linear solve: it damps what
+    presses those that lie, and around these it would leave no friction.
     """
-    lossy = work.rebounds is None or all(loses(part) for part in parts)
+    lossy = (not method.linear) and (work.rebounds is None or all(loses(part) for part in parts))
     if good(share) and lossy and some_held(parts, c, work, share, t, end, h):
         begin_around(method, c, work, share, h)
         meet(share.gate, share.threads)
@@ -475,7 +476,7 @@ def recollect_pull(c: Any, free: Any, before: Any, i: Any, h: Any) -> None:
 def begin_around(method: Any, c: Any, work: Any, share: Any, h: Any) -> None:
     """The state from which the equations are solved again: what is held is where the step takes it, others are where it has
     taken them, all at the time of the equations."""
-    s, reach, half = work.system, type_of(h, method.gamma) * h, type_of(h, 0.5)
+    s, half = work.system, type_of(h, 0.5)
     for axis, (place, speed) in enumerate(zip((c.x, c.y, c.z), (c.vx, c.vy, c.vz), strict=True)):
         for i in range(share.first, share.last):
             s.ended[axis, i], s.ended[3 + axis, i] = place[i], speed[i]
@@ -483,12 +484,7 @@ def begin_around(method: Any, c: Any, work: Any, share: Any, h: Any) -> None:
                 was, x, v = work.before[axis, i], place[i], speed[i]
                 if method.middle:
                     x, v = half * (x + was), half * (v + work.before[3 + axis, i])
-                if method.linear:  # positions are those of the beginning, and lead to others
-                    held = s.held[i] != 0
-                    s.lead[axis, i] = (x - was) / reach if held else work.before[3 + axis, i]
-                    place[i], speed[i] = was, v if held else work.before[3 + axis, i]
-                else:
-                    place[i], speed[i] = x, v
+                place[i], speed[i] = x, v
     for i in range(share.first, share.last):
         s.free[i] = s.free[i] if s.held[i] == 0 else h - h
 
