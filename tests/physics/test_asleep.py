@@ -72,6 +72,7 @@ def test_marbles_in_the_tip_of_a_pyramid_come_to_rest_to_the_last_bit(
     assert np.abs(before.final.position - late).max() <= rounding
 
 
+@pytest.mark.slow
 def test_they_wake_up_as_soon_as_their_weight_changes() -> None:
     """From 1.5 s on it fades, and after 2.5 s it lifts them: by G a³/6 a later, as nothing holds them."""
     force = f"-m*{G}*(1 - max(t - 1.5, 0))"

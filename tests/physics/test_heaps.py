@@ -299,6 +299,7 @@ def test_what_is_known_follows_its_particles() -> None:
     assert len(found.partner) == len(found.push) == 6
 
 
+@pytest.mark.slow
 def test_grains_that_lie_keep_what_they_carry_while_others_are_born_and_die() -> None:
     # 30 times in the last second: to begin anew would be to fall by g dt each time.
     scenario = heap(8, 4.0, gap=2.05)

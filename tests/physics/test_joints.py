@@ -598,6 +598,7 @@ def pulled_chain(h: float, steps: int) -> Any:
     return table(steps * h, h, bodies=[link, load], joints=joints, forces=pull, output=output)
 
 
+@pytest.mark.slow
 def test_what_is_pulled_along_limits_the_step_as_it_swings_across(tmp_path: Path) -> None:
     # Links between others that swing against each other turn by θ about their middles, with T l θ²/2 and m l² ω² θ²/24.
     limit = math.sqrt(0.2 * 0.1 / (3 * 30.0 * G))
