@@ -20,11 +20,8 @@ STEPS = 10
 
 def sunk(world: World) -> Iterator[str]:
     """A sentence for every contact by impulses whose grains lie deep in each other."""
-    contacts = [
-        each for each in world.scenario.interactions if isinstance(each, Contact) and each.by_impulses
-    ]
-    for each in contacts:
-        if each.liveliness >= 1:
+    for each in world.scenario.interactions:
+        if not isinstance(each, Contact) or not each.by_impulses or each.liveliness >= 1:
             continue
         groups = interacting(each, world.scenario.groups)
         if touches_by_surfaces(each, groups):

@@ -495,6 +495,8 @@ def end_around(c: Any, s: Any, share: Any, solved: Any) -> None:
         for i in range(share.first, share.last):
             if (s.held[i] != 0) | (not solved):
                 place[i], speed[i] = s.ended[axis, i], s.ended[3 + axis, i]
+    if share.number == 0:
+        s.report[0] = SOLVED  # as it is by the first solution
     meet(share.gate, share.threads)
 
 

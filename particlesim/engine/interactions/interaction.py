@@ -400,9 +400,8 @@ def conclude_elements(
     for each in sets:
         if type(each).concludes:
             conclude_set(each, parts, c, before, share, t, h)
-    if (
-        min(len(hard), 1) + sum([type(each).concludes for each in sets]) > 1
-    ):  # one may have changed what another has seen
+    others = sum([type(each).concludes for each in sets])
+    if others > (0 if len(hard) > 0 else 1):  # one may have changed what another has seen
         leave_elements(sets)
 
 
