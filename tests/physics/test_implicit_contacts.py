@@ -64,23 +64,28 @@ TABLE = {"type": "box", "center": [0, 0.4, 0], "size": [0.5, 1, 0.5]}
 @pytest.mark.parametrize(
     ("method", "restitution", "gain"),
     [
+        ("backward_euler", 0.0, 1e-7),
+        ("backward_euler", 0.9, 1e-7),
         ("bdf2", 0.0, 1e-9),
+        ("bdf2", 0.5, 0.05),
         ("implicit_midpoint", 0.0, 1e-9),
-        pytest.param("implicit_midpoint", 0.5, 2e-3, marks=pytest.mark.slow),
-        ("trapezoidal", 0.5, 1e-9),
+        ("implicit_midpoint", 0.9, 0.05),
+        ("trapezoidal", 0.0, 1e-9),
+        ("trapezoidal", 0.9, 0.05),
     ],
 )
 def test_jelly_that_lands_on_the_floor_gains_nothing_and_lies(
     method: str, restitution: float, gain: float
 ) -> None:
     # Put back on the floor alone, the lowest layer had been pressed into the next one, which gave up to 14 J, three times of
-    # what there was. Velocities of the midpoint rule are those of the middles of steps: 10⁻⁴ of the fall.
+    # what there was; jelly that bounced gained as much where springs drew particles in within a step, and they were thrown
+    # back faster than they had come. What is left is a hundredth, at the bounces of stiff springs.
     given = jelly(method, restitution)
     found = energies(given)
     assert (found - np.minimum.accumulate(found)).max() < gain
     simulation = Simulation(ps.from_table(given), threads=1)
     simulation.advance_to(400)
-    assert np.abs(simulation.states[0].velocity).max() < 0.1
+    assert restitution > 0.5 or np.abs(simulation.states[0].velocity).max() < 0.1
     assert simulation.states[0].position[:, 1].min() == pytest.approx(0, abs=1e-5)
     simulation.close()
 
@@ -88,18 +93,20 @@ def test_jelly_that_lands_on_the_floor_gains_nothing_and_lies(
 @pytest.mark.parametrize(
     ("method", "h", "collider"),
     [
+        ("backward_euler", 1 / 250, TABLE),
+        ("backward_euler", 1 / 250, BALL),
         ("bdf2", 1e-3, TABLE),
         pytest.param("bdf2", 2e-3, BALL, marks=pytest.mark.slow),
         pytest.param("implicit_midpoint", 1e-3, BALL, marks=pytest.mark.slow),
     ],
 )
 def test_stiff_cloth_lies_on_things(method: str, h: float, collider: dict[str, Any]) -> None:
-    # It had danced on the table under bdf2 with 3 m/s, until it fell off; now it gains a thousandth where it goes round an
-    # edge.
+    # It had danced on the table under bdf2 with 3 m/s, until it fell off, and under backward Euler it had gained a quarter
+    # of its energy as it landed.
     given = cloth(method, h, collider)
     found = energies(given)
     assert found.max() <= found[0] * (1 + 1e-12)
-    assert (found - np.minimum.accumulate(found)).max() < 2e-3 * found[0]
+    assert (found - np.minimum.accumulate(found)).max() < 1e-5 * found[0]
     final = ps.run(ps.from_table(given)).final
     assert final.position[:, 1].max() == pytest.approx(0.906, abs=0.05)  # with folds that still move
 
@@ -122,18 +129,40 @@ def test_threads_and_stops_leave_no_trace(method: str) -> None:
     assert ends[0] == ends[1] == ends[2]
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("part", [1.1, 0.9])
 @pytest.mark.parametrize("method", ["backward_euler", "bdf2", "implicit_midpoint", "trapezoidal"])
-def test_jelly_on_a_slope_is_held_by_friction(method: str) -> None:
-    # All layers weigh on the lowest one: with friction of a tenth more than the slope asks for it stays, in long steps, too.
+def test_friction_of_jelly_on_a_slope_is_that_of_all_its_weight(method: str, part: float) -> None:
+    # All layers weigh on the lowest one: with friction of a tenth more than the slope asks for it stays, in long steps, too,
+    # and with a tenth less it slides with a tenth of the pull down the slope. What presses is known to a hundredth: the
+    # middle rules swing about it.
     slope = 0.3
     block = jelly(method, 0.0)
     block["particles"][0]["layout"]["origin"] = [-0.15, 0, -0.15]
     block["particles"][0]["springs"] = {"structural": 3000.0, "shear": 3000.0, "damping": 0.5}
     force = [f"m * {G * np.sin(slope)}", f"-m * {G * np.cos(slope)}", "0"]
     block["forces"] = [{"type": "field", "force": force}]
-    block["colliders"][0]["friction"] = 1.1 * np.tan(slope)
-    block["simulation"]["duration"] = 1.0
-    final = ps.run(ps.from_table(block)).final
-    # backward Euler lets it creep: its springs are damped while the lowest layer is put back
-    assert np.abs(final.velocity.mean(axis=0)).max() < (0.05 if method == "backward_euler" else 2e-3)
+    block["colliders"][0]["friction"] = part * np.tan(slope)
+    simulation = Simulation(ps.from_table(block), threads=1)
+    speeds = []
+    for step in (100, 200):
+        simulation.advance_to(step)
+        speeds.append(simulation.states[0].velocity[:, 0].mean())
+    simulation.close()
+    if part > 1:
+        assert abs(speeds[1]) < 1e-3
+    else:
+        assert speeds[1] - speeds[0] == pytest.approx((1 - part) * G * np.sin(slope) * 0.5, rel=0.08)
+
+
+@pytest.mark.parametrize("method", ["backward_euler", pytest.param("bdf2", marks=pytest.mark.slow)])
+def test_jelly_that_slides_stops_where_a_block_does(method: str) -> None:
+    # v²/(2 μ g), less the half step by which backward Euler is ahead where it slows down; the jelly rocks a little.
+    v, friction, h = 1.0, 0.4, 0.01
+    ahead = 0.5 * h * v if method == "backward_euler" else 0.0
+    block = jelly(method, 0.0, h)
+    block["particles"][0]["layout"] |= {"origin": [-0.15, 0, -0.15], "velocity": [v, 0, 0]}
+    state = ps.run(ps.from_table(block)).final
+    way = state.position[:, 0].mean()
+    assert way == pytest.approx(v * v / (2 * friction * G) - ahead, abs=0.4 * h * v)
+    assert np.abs(state.velocity.mean(axis=0)).max() < 1e-4

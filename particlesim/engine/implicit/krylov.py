@@ -16,7 +16,7 @@ import numpy as np
 
 from particlesim.compiler import outlined, shared
 from particlesim.engine.barrier import meet, team_of
-from particlesim.engine.implicit.linear_system import LANES, multiply
+from particlesim.engine.implicit.linear_system import LANES, keep_along, multiply
 from particlesim.engine.implicit.multilevel import carry
 from particlesim.engine.state.columns import type_of
 
@@ -79,6 +79,7 @@ def summed(partial: Any, row: Any) -> float:
 def precondition(s: Any, r: Any, z: Any, share: Any) -> None:
     """z = M⁻¹ r for the particles of a share; r need not be in place, and z is not yet."""
     _precondition(s.block, s.lattices, s.free, r, z, team_of(share))
+    keep_along(s, z, share.first, share.last)
 
 
 @shared
@@ -137,6 +138,7 @@ def conjugate_gradients(bonds: Any, s: Any, share: Any, plain: Any, begin: Any, 
         if size <= goal:
             return SOLVED, size, iteration
         multiply(bonds, s.springs, s, s.direction, s.product, plain, share)
+        keep_along(s, s.product, lo, hi)
         dots(s, 1, s.direction, s.product, share)
         meet(share.gate, share.threads)
         curvature = summed(s.partial, 1)
@@ -223,6 +225,7 @@ def stabilised(
 def _free_product(bonds: Any, s: Any, y: Any, plain: Any, share: Any) -> None:
     """y = A · near; 0 for particles that do not move."""
     multiply(bonds, s.springs, s, s.near, y, plain, share)
+    keep_along(s, y, share.first, share.last)
     for axis in range(3):
         for i in range(share.first, share.last):
             y[axis, i] *= s.free[i]

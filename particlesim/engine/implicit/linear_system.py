@@ -32,8 +32,14 @@ from particlesim.laws.registry import (
     velocity_dx,
 )
 
-GENERAL, COUPLED_AXES, HELD = 0, 1, 2
+GENERAL, COUPLED_AXES, SOME_HELD = 0, 1, 2
 """Flags of a system, for every thread: some G is not symmetric; some G is not zero; colliders have held some back."""
+FREE, CAUGHT, HELD, RESTS, SLIDES = 0, 1, 2, 3, 4
+"""What colliders do to a particle in a step: nothing; they have just met it; they have it where it is; friction does; it
+slides along one."""
+NORMAL, RUNS, STATIC, KINETIC, ALONG, RUBS, LEFT = 0, 3, 6, 7, 8, 11, 12
+"""Rows of the walls that hold particles back: the unit normal and the velocity of the surface [m/s]; coefficients of
+friction; the direction in which particles slide, and the force of friction against it [N]; the residual [N]."""
 LANES = 64
 """Partial sums that run in parallel, as vectors; chunks of particles are multiples of it, except for the last."""
 FLAGS = 8
@@ -46,8 +52,8 @@ class System(NamedTuple):
     `inertia` D and `free` (1, or 0 for particles that do not move) [n]; `own` G row by row [9, n]; `block`: the 3 × 3 blocks
     on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `anchor`: their part without springs to free
     particles; `base`: X₀ and V₀ of the step [6, n]; `lead`: the velocity with which a single linear solve expects positions
-    to move; `held`: 1 of those that a collider has held back in the step [n], and `ended`: the motion of all at its end
-    [6, n] (`kernel.solve_around`); `residual` r, `solution` δ, and work of the solver; `springs`: w and q of every slot
+    to move; `held`: what colliders do to each in the step [n], `wall`: that which does [15, n], and `ended`: the motion of
+    all at its end [6, n] (`contacts`); `residual` r, `solution` δ, and work of the solver; `springs`: w and q of every slot
     [4, slots], for every set; `forms`: what the other interactions of a thread keep of their linearisation; `pull`: scratch
     of a thread [8, chunk], and `lanes` for its sums; `partial`: sums of chunks [4, chunks]; `flags`; `report`: how the last
     step ended, its relative residual, and its Newton and linear iterations.
@@ -61,6 +67,7 @@ class System(NamedTuple):
     base: Any
     lead: Any
     held: Any
+    wall: Any
     ended: Any
     residual: Any
     solution: Any
@@ -96,6 +103,7 @@ def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Syste
         base=rows(6),
         lead=rows(3),
         held=np.zeros(count, np.int8),
+        wall=rows(15),
         ended=rows(6),
         residual=rows(3),
         solution=rows(3),
@@ -111,7 +119,7 @@ def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Syste
         lanes=np.zeros(LANES),
         partial=np.zeros((4, -(-count // chunk))),
         flags=np.zeros(FLAGS * -(-count // chunk), np.int64),
-        report=np.zeros(4),
+        report=np.zeros(6),
     )
 
 
@@ -172,12 +180,12 @@ def _add_own(
         p = fetch(c, i, t)
         inertia, g, (rx, ry, rz) = equation(dynamics, forces, p, s.base[3:6, i], reach, s.lead[:, i])
         general, coupled = write_own(s, i, type_of(reach, inertia), g)
-        free, none = s.free[i] > 0, type_of(reach, 0)
+        free = s.free[i] > 0
         flags[GENERAL] |= general & free
         flags[COUPLED_AXES] |= coupled & free
-        s.residual[0, i] = total[0, i] + rx if free else none
-        s.residual[1, i] = total[1, i] + ry if free else none
-        s.residual[2, i] = total[2, i] + rz if free else none
+        s.residual[0, i] = total[0, i] + rx
+        s.residual[1, i] = total[1, i] + ry
+        s.residual[2, i] = total[2, i] + rz
 
 
 def equation(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: Any) -> Any:
@@ -216,6 +224,32 @@ def equation(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: A
 def combined(a: Any, b: Any, weight: Any, reach: Any) -> Any:
     """−(γ A + weight · B) for two matrices."""
     return tuple(-(reach * x + weight * y) for x, y in zip(a, b, strict=True))
+
+
+@outlined
+def keep_along(s: Any, y: Any, lo: Any, hi: Any) -> None:
+    """Leave of vectors at particles [lo, hi) that slide what lies in the surface of their collider."""
+    held, wall = s.held, s.wall
+    for i in range(lo, hi):
+        if held[i] == SLIDES:
+            up = wall[0, i] * y[0, i] + wall[1, i] * y[1, i] + wall[2, i] * y[2, i]
+            y[0, i] -= up * wall[0, i]
+            y[1, i] -= up * wall[1, i]
+            y[2, i] -= up * wall[2, i]
+
+
+@outlined
+def take_up(s: Any, lo: Any, hi: Any) -> None:
+    """Leave of the residuals of particles [lo, hi) what can move them; of those that colliders have, keep it whole."""
+    for i in range(lo, hi):
+        if s.held[i] >= RESTS:
+            for k in range(3):
+                s.wall[LEFT + k, i] = s.residual[k, i]
+                if s.held[i] == SLIDES:
+                    s.residual[k, i] -= s.wall[RUBS, i] * s.wall[ALONG + k, i]
+        if not s.free[i] > 0:
+            s.residual[0, i] = s.residual[1, i] = s.residual[2, i] = 0
+    keep_along(s, s.residual, lo, hi)
 
 
 @outlined
@@ -289,6 +323,7 @@ def linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t:
     add_springs(bonds, s.springs, c, s, reach)
     gather_blocks(s.lattices, s.free, s.anchor, s.block, team_of(share))
     stiffen_elements(share.elements, s.forms, c, s, share, t, reach)
+    take_up(s, share.first, share.last)
     for lo in range(share.first, share.last, share.chunk):
         hi = min(lo + share.chunk, share.last)
         s.partial[3, lo // share.chunk] = of_rounding(s, c, lo, hi, reach)

@@ -122,7 +122,7 @@ def _add_blocks(
         xy[k] += wx[k] * wy[k]
         xz[k] += wx[k] * wz[k]
         yz[k] += wy[k] * wz[k]
-    own, partner = free[at : at + n], free[other : other + n]
+    partner = free[other : other + n]
     for k in range(n):
         if not partner[k] > 0:
             anchor[0, at + k] += q[k] + wx[k] * wx[k]
@@ -134,7 +134,7 @@ def _add_blocks(
     for axis in range(3):
         out, gain = residual[axis, at : at + n], pull[5 + axis, :n]
         for k in range(n):
-            out[k] += own[k] * (sign * gain[k])
+            out[k] += sign * gain[k]
 
 
 def times_chunk(bonds: Any, springs: Any, pull: Any, x: Any, y: Any, chunk: Any) -> None:

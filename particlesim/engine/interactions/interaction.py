@@ -505,11 +505,11 @@ def give(total: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> N
 
 
 def take(s: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> None:
-    """Subtract a force from the residual of particle i if it is free and among [first, last)."""
+    """Subtract a force from the residual of particle i if it is among [first, last)."""
     if first <= i < last:
-        s.residual[0, i] -= s.free[i] * x
-        s.residual[1, i] -= s.free[i] * y
-        s.residual[2, i] -= s.free[i] * z
+        s.residual[0, i] -= x
+        s.residual[1, i] -= y
+        s.residual[2, i] -= z
 
 
 def add_square(s: Any, i: Any, first: Any, last: Any, x: Any, y: Any, z: Any) -> None:

@@ -100,7 +100,7 @@ def add_terms(s: Any, i: Any, terms: Any) -> None:
     for k in range(6):
         s.block[k, i] += terms[k]
     for k in range(3):
-        s.residual[k, i] -= s.free[i] * terms[6 + k]
+        s.residual[k, i] -= terms[6 + k]
 
 
 # Direct sums

@@ -348,7 +348,7 @@ class CoupledIsland(BaseIsland):
             self._return_to(step)
         if work.system is not None and work.system.report[0] == UNSOLVED:
             row = int(np.abs(work.system.residual).sum(axis=0).argmax())
-            left, iterations, linear = work.system.report[1:].tolist()
+            left, iterations, linear = work.system.report[1:4].tolist()
             unsolved = Unsolved(self._method.label, left, int(iterations), int(linear))
             return Fault(*self._joined.member_of(row), step, unsolved=unsolved)
         return self._find(step)
