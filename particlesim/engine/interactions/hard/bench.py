@@ -23,9 +23,10 @@ OWN, RUBS, ABOVE, FASTER = 6, 9, 10, 11
 """Rows of `wall_normal` after the normal, LEAST, PARTING and ALONG: the velocity of the surface [m/s], the coefficient
 of its friction at rest, how far above it a particle is that does not touch it [m], and by how much faster the surface is at
 the end of the step than in its middle, when impulses work [3] [m/s]."""
-STILL = 14
+STILL, BENDS = 14, 15
 """Row of `normal` and `wall_normal` after these: 1 of what touched at the beginning of the step and hardly moved along the
-normal then, so that an elastic contact rests, too; else 0."""
+normal then, so that an elastic contact rests, too; else 0. Then, of walls alone: 1 of one along which a particle has slid
+that turns its velocity, so that its normal is that of when impulses act; else 0."""
 FREE, BOUNCY = -1, -2
 """Values of LEAST of what does not lie on its wall, where that is elastic, too."""
 LIMIT = 3
@@ -50,7 +51,7 @@ class Bench(NamedTuple):
     """Room to work in: rows of pairs [2, room], the smaller one first, and the numbers of their tables [room]; normals and
     more of pairs [15, room]; what to add to the difference of their places for the nearest image [3, room] [m].
 
-    Rows of particles at colliders [walls], their normals and more [15, walls], the numbers of their colliders [walls], and
+    Rows of particles at colliders [walls], their normals and more [16, walls], the numbers of their colliders [walls], and
     where those at each collider of each group end. Of pairs, and after them of particles at walls: the friction that they
     have been given at rest, as a change of velocity [m/s], and its LIMIT [4, room + walls].
 
@@ -88,7 +89,7 @@ def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any, roll
         np.zeros((15, room), dtype),
         np.zeros((3, room), dtype),
         np.zeros(walls, np.int64),
-        np.zeros((15, walls), dtype),
+        np.zeros((16, walls), dtype),
         np.zeros(walls, np.int64),
         np.zeros(ends, np.int64),
         np.zeros((4, room + walls), dtype),

@@ -85,6 +85,7 @@ from particlesim.engine.interactions.hard.walls import (
     put_out,
     put_out_of_bodies,
     rub_walls,
+    slide_on,
     watch_walls,
 )
 from particlesim.engine.interactions.hard.ways import Ways, new_ways
@@ -292,9 +293,11 @@ def resolve(tables: Any, each: Any, parts: Any, c: Any, before: Any, t: Any, h: 
             chosen = choose(each, c, each.report[COUNT], walls, calm)
             rest_at_once(each, parts, c, t, chosen, walls, calm)
             settle(each, c, before, walls, h)
+            slide_on(each, parts, c, before, t, h)
             apart_at_once(each, parts, c, t, chosen, walls)
         else:
             settle(each, c, before, walls, h)
+            slide_on(each, parts, c, before, t, h)
         turn, most, inside, far = 0, 0.0, 0.0, 0.0
         while moves_apart(turn, most):
             most = move_apart(each, c, turn)

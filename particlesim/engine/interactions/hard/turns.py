@@ -68,6 +68,13 @@ GENTLY = 0.02
 """The part of the smaller radius by which a step makes an overlap smaller at most."""
 
 
+LATE = 2 / 3
+"""From how far on impulses move a pair apart, over what they change its velocity by times the step, it is held as it is at
+the end of the step: what is left of its velocity by 1/r - 1, with another sign, is halved at least."""
+LESS = 5e-5
+"""Overlap, as a part of the smaller radius, that this takes in a step at most: half of the slack (`apart`)."""
+
+
 @outlined
 def mark_pairs(each: Any) -> None:
     """Mark all particles that are in a pair, and those that have been hit within the step."""
@@ -147,7 +154,12 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         at = root(cluster, i if each.a[i] > 0 else j)
         stands = cluster[STANDS, at] > 0
         least = rest * (max(abs(mine), abs(other)) if stands else abs(mine - other))
-        if stands & (-now <= least):
+        reach = _reach(each, k)
+        late = _swerved(bench, k) if reach > LATE else now - now
+        square = (c.vx[i] - c.vx[j]) ** 2 + (c.vy[i] - c.vy[j]) ** 2 + (c.vz[i] - c.vz[j]) ** 2 - now * now
+        # as far as turns find it, the line of the two turns in the step, or walls turn them
+        bent = max(abs(late), h * square / (c.r[i] + c.r[j])) > type_of(most, SETTLED) * change[at]
+        if stands & (late - now <= least):
             least = rest * change[at]
         room = max(ends - c.r[i] - c.r[j], gently - gently) / type_of(most, CLOSES * h)
         bench.normal[ROOM, k] = room
@@ -161,7 +173,12 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         elif (-now <= least) & (restitution_at(each, k) < 1):  # the fall of a step has hidden the gap
             bench.normal[ROOM, k] = _gap_when_held(bench, c, before, k, h) / type_of(most, CLOSES * h)
             bench.normal[ROOM, k] -= _swerved(bench, k)
-        bench.normal[LEAST, k], bench.normal[PARTING, k] = least, 0
+        if (reach > LATE) & bent & (late - now <= least) & (restitution_at(each, k) < 1):
+            # touch at the end of the step: then they part at its beginning as fast as they approach after impulses
+            less = min(type_of(most, LESS) * min(c.r[i], c.r[j]), type_of(most, h / CLOSES) * change[at])
+            gap = ends - c.r[i] - c.r[j] + max(began - less, gently - gently)
+            bench.normal[ROOM, k] = gap / type_of(most, h * reach) - now
+        bench.normal[LEAST, k], bench.normal[PARTING, k] = least + max(-late, late - late), 0
         bench.normal[STILL, k] = _rested(c, before, i, j, (x, y, z), began, abs(mine - other))
         bench.normal[LATER, k] = type_of(least, -later)
         most, fastest = max(most, abs(mine - other)), max(fastest, -now)
@@ -171,6 +188,14 @@ def look_at(each: Any, c: Any, before: Any, walls: Any, h: Any) -> Any:
         if (n[LEAST, q] >= 0) & (-rate <= n[LEAST, q]):
             n[LEAST, q] = max(n[LEAST, q], rest * change[root(cluster, i)])
     return max(type_of(most, SETTLED) * most, type_of(most, CALM) * fastest)
+
+
+def _reach(each: Any, k: Any) -> Any:
+    """By how much impulses move pair k apart in a step, over what they change their velocities by times the step."""
+    bench = each.bench
+    i, j = bench.rows[0, k], bench.rows[1, k]
+    both = each.a[i] + each.a[j]
+    return (each.a[i] * bench.start[WAY, i] + each.a[j] * bench.start[WAY, j]) / both if both > 0 else 0.0
 
 
 def _swerved(bench: Any, k: Any) -> Any:

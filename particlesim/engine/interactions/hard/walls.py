@@ -14,6 +14,7 @@ from particlesim.compiler import outlined
 from particlesim.engine.interactions.hard.at_once import ALONG, FOUND, GIVEN, LEAST, PARTING, root
 from particlesim.engine.interactions.hard.bench import (
     ABOVE,
+    BENDS,
     BOUNCY,
     CARRIED,
     COUNT,
@@ -28,12 +29,13 @@ from particlesim.engine.interactions.hard.bench import (
     SWERVED,
     THROWN,
     WALLS_WANTED,
+    WAY,
     WORK,
 )
 from particlesim.engine.interactions.hard.friction import held_by, spin_up
 from particlesim.engine.interactions.hard.turns import BLOW, CALMLY, MIDDLE, NOISE, give, given_at
 from particlesim.engine.interactions.pressing import cross
-from particlesim.engine.state.columns import fetch, held, type_of
+from particlesim.engine.state.columns import fetch, held, let_know, type_of
 from particlesim.engine.step.contacts import Simple
 from particlesim.laws.registry import PASS, force, gap_and_normal, moved_to
 
@@ -118,6 +120,7 @@ def watch_wall(
                         end = list_corner(
                             each, rolling, collider, number, c, before, h, i, p, whole(n, g), end
                         )
+                        end = list_held(each, rolling, collider, number, c, before, h, i, p, q, end)
                         end = list_ahead(each, rolling, collider, number, c, before, h, i, p, q, end)
                 elif thrown_back(collider, before, h, i, p, g, whole(n, g)):
                     bench.mark[i] = PAIRED | THROWN
@@ -176,12 +179,84 @@ def slides_around(each: Any, collider: Any, c: Any, before: Any, h: Any, i: Any,
         for axis in range(3):
             then = (1 - way) * float(one[axis]) + way * float(other[axis])
             w[axis, q], size = then, size + then * then
-            s[SWERVED + axis, i] += turned * float(one[axis])
         for axis, a in enumerate((p.vx, p.vy, p.vz)):
             w[axis, q] /= np.sqrt(size)
             rate += float(w[axis, q]) * float(a)
-        w[ALONG, q] = rate
+        v = (float(p.vx), float(p.vy), float(p.vz))
+        here = one[0] * other[0] + one[1] * other[1] + one[2] * other[2] > OTHER_SIDE  # and not over an edge
+        back = along_side(v, (float(w[0, q]), float(w[1, q]), float(w[2, q])), one) if here else v
+        for axis in range(3):
+            s[SWERVED + axis, i] += (v[axis] - back[axis]) / way if here else turned * float(one[axis])
+        w[ALONG, q], w[BENDS, q] = rate, 1 if here else 0
     return slides
+
+
+def along_side(v: Any, n: Any, push: Any) -> Any:
+    """A velocity turned along a side with the normal n by a push along a direction, as fast."""
+    by = (v[0] * n[0] + v[1] * n[1] + v[2] * n[2]) / (push[0] * n[0] + push[1] * n[1] + push[2] * n[2])
+    x, y, z = v[0] - by * push[0], v[1] - by * push[1], v[2] - by * push[2]
+    was, now = v[0] * v[0] + v[1] * v[1] + v[2] * v[2], x * x + y * y + z * z
+    by = np.sqrt(was / now) if now > 0 else 1.0
+    return by * x, by * y, by * z
+
+
+def slide_on(each: Any, parts: Any, c: Any, before: Any, t: Any, h: Any) -> None:
+    """What slides along a bent wall goes on along it after the impulses of the step: it turns these, too."""
+    begin, k = 0, 0
+    for part in parts:
+        for collider in colliders_of(part):
+            if not isinstance(collider.shape, FLAT):
+                slide_on_wall(each, collider, c, before, begin, each.bench.ends[k], t, h)
+            begin = each.bench.ends[k]
+            k += 1
+
+
+@outlined
+def slide_on_wall(
+    each: Any, collider: Any, c: Any, before: Any, begin: Any, end: Any, t: Any, h: Any
+) -> None:
+    """`slide_on` for particles [begin, end) of the list: again from where impulses act, as fast as they leave it."""
+    w, s = each.bench.wall_normal, each.bench.start
+    for q in range(begin, end):
+        i = each.bench.wall[q]
+        if (w[BENDS, q] > 0) & (each.bench.mark[i] == PAIRED):
+            v, way, size = (float(c.vx[i]), float(c.vy[i]), float(c.vz[i])), s[WAY, i], 0.0
+            for axis in range(3):
+                size += abs(v[axis] - s[axis, i])
+            if (size > 0) & (way == MIDDLE + each.ways.late[0]):
+                u = tuple(v[axis] - way * s[SWERVED + axis, i] for axis in range(3))
+                n = (float(w[0, q]), float(w[1, q]), float(w[2, q]))
+                if way < 1:
+                    x, y, z = (
+                        float(a[i]) - h * way * (v[axis] - 0.5 * way * s[SWERVED + axis, i])
+                        for axis, a in enumerate((c.x, c.y, c.z))
+                    )
+                else:
+                    x, y, z = float(before[0, i]), float(before[1, i]), float(before[2, i])
+                p, by = fetch(c, i, t), h * way
+                like = p.x
+                p = moved_to(
+                    p,
+                    type_of(like, x + by * u[0]),
+                    type_of(like, y + by * u[1]),
+                    type_of(like, z + by * u[2]),
+                    p.vx,
+                    p.vy,
+                    p.vz,
+                    t,
+                )
+                g, m = gap_and_normal(collider.shape, p)
+                place = (p.x, p.y, p.z)
+                if g < 0:
+                    m = whole(m, g)
+                    place = put_back(collider.shape, p, g, m)
+                    up = u[0] * n[0] + u[1] * n[1] + u[2] * n[2]
+                    flat = (u[0] - up * n[0], u[1] - up * n[1], u[2] - up * n[2])
+                    m = (float(m[0]), float(m[1]), float(m[2]))
+                    u = along_side(flat, m, m)
+                c.x[i], c.y[i], c.z[i] = place
+                c.vx[i], c.vy[i], c.vz[i] = type_of(like, u[0]), type_of(like, u[1]), type_of(like, u[2])
+                let_know(c.memory, i, u[0] - v[0], u[1] - v[1], u[2] - v[2])
 
 
 def rounding_of(vx: Any, vy: Any, vz: Any) -> float:
@@ -229,6 +304,40 @@ def list_corner(
             x, y, z = half * n[0], half * n[1], half * n[2]
         elif new & (g < far):
             x, y, z = x + far * m[0], y + far * m[1], z + far * m[2]
+    return end
+
+
+def list_held(
+    each: Any,
+    rolling: Any,
+    collider: Any,
+    number: Any,
+    c: Any,
+    before: Any,
+    h: Any,
+    i: Any,
+    p: Any,
+    first: Any,
+    end: Any,
+) -> Any:
+    """List the sides of a collider that have held a particle in the last step, if they are not among those that are known,
+    from `first` on: in the tip of a cone, where it touches all around, one is needed wherever others push it to."""
+    w, known, far = each.bench.wall_normal, each.known, type_of(p.r, NEAR_WALL) * p.r
+    for at in range(known.begin[i], known.begin[i + 1]):
+        x, y, z = known.push[at, 0], known.push[at, 1], known.push[at, 2]
+        square = x * x + y * y + z * z
+        if (known.partner[at] == -1 - number) & (square > 0):
+            by = -far / np.sqrt(square)
+            x, y, z = by * x, by * y, by * z
+            g, axes = gap_and_normal(
+                collider.shape, moved_to(p, p.x + x, p.y + y, p.z + z, p.vx, p.vy, p.vz, p.t)
+            )
+            m, new = whole(axes, g), True
+            for q in range(first, end):
+                new = new & (w[0, q] * m[0] + w[1, q] * m[1] + w[2, q] * m[2] < type_of(g, SAME_SIDE))
+            g -= x * m[0] + y * m[1] + z * m[2]
+            if new & (g < far):
+                end = list_side(each, rolling, collider, number, c, before, h, i, p, g, m, end)
     return end
 
 
@@ -292,7 +401,7 @@ def list_side(
     least = type_of(g, REST) * np.sqrt(dx * dx + dy * dy + dz * dz)
     free = type_of(g, FREE if collider.response.bounce < 2 else BOUNCY)
     w[LEAST, end], w[PARTING, end] = least if lies else free, 0
-    w[ABOVE, end] = type_of(g, 0) if lies else g
+    w[ABOVE, end], w[BENDS, end] = type_of(g, 0) if lies else g, 0
     w[ALONG, end] = speed_along(collider, p, n)
     now = surface_of(collider, c, p, n, p.t)
     was = surface_of(collider, c, p, n, p.t - 0.5 * h) if isinstance(collider.shape, MovingRecord) else now
