@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from simulate import points, table
 
 import particlesim as ps
+from particlesim.engine.interactions.hard.ways import BEGUN, BEND, ENDS, STRAIGHT, bend_way, new_ways
 
 BEAD, BALL = 0.008, 0.15
 """Radii [m]."""
@@ -122,15 +123,12 @@ def swirl(dt: float, duration: float, method: str, precision: str = "double") ->
 def test_grains_that_circle_in_a_funnel_keep_their_energy(method: str, dt: float, gain: float) -> None:
     """The wall turns them as they slide, and neighbours press them on it: their impulses had been found as if it had thrown
     them back, and the lifts out of what was left gave a tenth of the kinetic energy in three seconds."""
-    run = swirl(dt, 4.0, method)
-    first = len(run.energy) // 2  # until then they fall on each other
+    run = swirl(dt, 5.0, method)
+    first = 3 * len(run.energy) // 5  # until then they fall on each other
     energy, kinetic = run.energy[first:], run.ledger["kinetic"][first]
     # Near the tip they go around by a 15th of a radian in the long steps, a 60th in the short ones, and energies may swing
-    # by the square of that. With symplectic Euler all of it comes after its impulses: how much that gives depends on who
-    # lies on whom, which changes with every bit.
-    if method == "symplectic_euler":
-        gain = 5e-2 if dt > 1e-3 else 1e-2
-    elif method != "velocity_verlet":
+    # by the square of that.
+    if method != "velocity_verlet":
         gain = max(gain, 1e-3)
     assert energy.max() - energy[0] < gain * kinetic
     assert energy[0] - energy.min() < 6e-3 * kinetic
@@ -163,6 +161,35 @@ def test_grains_that_circle_in_a_funnel_keep_their_energy_in_single_precision() 
     run = swirl(5e-4, 4.0, "velocity_verlet", "single")
     energy, kinetic = run.energy[20:], run.ledger["kinetic"][20]
     assert energy.max() - energy[0] < 1e-3 * kinetic
+
+
+@pytest.mark.parametrize(
+    ("dt", "precision"), [(2e-3, "double"), (1e-3, "double"), (1e-3, "single"), (2e-3, "single")]
+)
+def test_grains_that_circle_in_a_funnel_keep_energy_and_angular_momentum_with_symplectic_euler(
+    dt: float, precision: str
+) -> None:
+    """Pairs whose lines turn began each step apart, which counted as a gain: all impulses of the cluster were scaled, what
+    sank for that was lifted, and in four seconds that gave 2 to 10 % of the kinetic energy. In single precision up to a
+    half of it was lost: rounding sent the one in the tip through the others, and what hovered above the wall was held by
+    pushes along a normal of later."""
+    run = swirl(dt, 8.0, "symplectic_euler", precision)
+    first = len(run.energy) // 2
+    energy, spin = run.energy[first:], run.ledger["angular_momentum.y"][first:]
+    assert np.ptp(energy) < 4e-3 * run.ledger["kinetic"][first]
+    assert np.ptp(spin) < 1e-3 * abs(spin[0])
+
+
+def test_the_brief_leg_of_a_way_that_bends_is_no_faster_than_what_goes_it() -> None:
+    """Both legs miss each other by rounding: shared in halves, that was 10 m/s on one of a ten-millionth of the step."""
+    way, speed, h, part, miss = new_ways(1, 0.5, None), 1e-3, 1e-3, 1e-7, 1e-10
+    way.when[BEGUN, 0], way.when[BEND, 0], way.when[ENDS, 0] = 0.0, STRAIGHT, 1.0
+    way.first[0, 0], way.speed[1, 0] = speed, speed
+    way.go[:, 0] = h * speed * part, h * speed * (1 - part), miss
+    bend_way(way, 0, 0.006, h)
+    assert way.when[BEND, 0] == pytest.approx(part, abs=1e-15)
+    assert np.linalg.norm(way.go[:, 0]) <= h * speed + miss
+    assert np.linalg.norm(way.on[:, 0]) <= h * speed + miss
 
 
 def gain(

@@ -159,7 +159,9 @@ def note_carried(each: Any, forces: Any, c: Any, before: Any, begin: Any, end: A
 @outlined
 def slides_around(each: Any, collider: Any, c: Any, before: Any, h: Any, i: Any, p: Any, q: Any) -> bool:
     """Whether a particle at side q of a collider has done nothing but slide along it, and that has turned its velocity. Then
-    the side gets its normal when impulses act: along that at the end of the way they would take energy, or give it."""
+    the side gets its normal when impulses act: along that at the end of the way they would take energy, or give it. So does
+    the side of one that hovers closely above it, as small hops count as rest: along the later normal all that holds it up
+    would brake it, step after step, at a height that it keeps."""
     w, s = each.bench.wall_normal, each.bench.start
     x, y, z, u, v, o = (before[row, i] for row in range(6))
     was, axes = gap_and_normal(collider.shape, moved_to(p, x, y, z, u, v, o, p.t - h))
@@ -174,7 +176,9 @@ def slides_around(each: Any, collider: Any, c: Any, before: Any, h: Any, i: Any,
     slides = (w[LEAST, q] >= 0) & (w[ABOVE, q] <= 0) & (w[ALONG, q] == 0)
     slides &= abs(rate) <= NOISE * np.sqrt(square) + rounding_of(p.vx, p.vy, p.vz)
     slides &= abs(change - turned) < BENT * abs(turned)
-    if slides:
+    here = one[0] * other[0] + one[1] * other[1] + one[2] * other[2] > OTHER_SIDE  # and not over an edge
+    hovers = (w[LEAST, q] == FREE) & (w[ALONG, q] == 0) & (each.bench.mark[i] == PAIRED) & here
+    if slides | hovers:
         size, rate, way = 0.0, 0.0, MIDDLE + each.ways.late[0]
         for axis in range(3):
             then = (1 - way) * float(one[axis]) + way * float(other[axis])
@@ -182,8 +186,8 @@ def slides_around(each: Any, collider: Any, c: Any, before: Any, h: Any, i: Any,
         for axis, a in enumerate((p.vx, p.vy, p.vz)):
             w[axis, q] /= np.sqrt(size)
             rate += float(w[axis, q]) * float(a)
+    if slides:
         v = (float(p.vx), float(p.vy), float(p.vz))
-        here = one[0] * other[0] + one[1] * other[1] + one[2] * other[2] > OTHER_SIDE  # and not over an edge
         back = along_side(v, (float(w[0, q]), float(w[1, q]), float(w[2, q])), one) if here else v
         for axis in range(3):
             s[SWERVED + axis, i] += (v[axis] - back[axis]) / way if here else turned * float(one[axis])

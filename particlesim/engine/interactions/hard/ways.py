@@ -192,7 +192,8 @@ def bend_of(w: Any, i: Any, r: Any, h: Any) -> Any:
     """The part of its time after which the way of a particle with a radius r bends if it has been thrown back in a step of
     h, less than 0 if its legs do not meet; and where it bends, from where it begins [m]. In `image` is what forces change
     its velocity by in a step: so the first leg leads where it would have come, and the second one comes from where it would
-    have begun."""
+    have begun. By how much these miss each other is shared as their times are: the pace of both changes by as much then,
+    that of a brief one, too, of which rounding would make a fast one else."""
     lasts = w.when[ENDS, i] - w.when[BEGUN, i]
     long, one, other = lasts * float(h), lasts * (0.5 + w.late[0]), lasts * (0.5 - w.late[0])
     u = tuple(w.first[axis, i] + one * w.image[axis, i] for axis in range(3))
@@ -204,7 +205,7 @@ def bend_of(w: Any, i: Any, r: Any, h: Any) -> Any:
     part = -(e[0] * d[0] + e[1] * d[1] + e[2] * d[2]) / size if size > 0 else -1.0
     miss = tuple(e[axis] + part * d[axis] for axis in range(3))
     astray = miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2] > ASTRAY * ASTRAY * min(size, r * r)
-    middle = tuple(part * long * u[axis] - 0.5 * miss[axis] for axis in range(3))
+    middle = tuple(part * (long * u[axis] - miss[axis]) for axis in range(3))
     return (-1.0 if astray | (part <= BRIEF) | (part >= 1 - BRIEF) else part), middle
 
 
