@@ -20,6 +20,8 @@ from particlesim.engine.implicit.linear_system import (
     CAUGHT,
     FLAGS,
     FREE,
+    HELD,
+    RESTS,
     SOME_HELD,
     multiply,
 )
@@ -93,6 +95,7 @@ def solve_with_friction(
     while solved and turn < turns:
         if method.linear:
             multiply(bonds, s.springs, s, s.solution, s.product, False, share)
+            back_to_end(c, s, share)
         if not told_all(rub(method, c, work, share, h, turn), s, share):
             break
         to_beginning(method, c, work, share, h)
@@ -163,6 +166,14 @@ def to_beginning(method: Any, c: Any, work: Any, share: Any, h: Any) -> None:
                 if (s.held[i] != FREE) | (s.free[i] > 0):
                     s.lead[axis, i] = (place[i] - work.before[axis, i]) / reach
                     place[i] = work.before[axis, i]
+
+
+def back_to_end(c: Any, s: Any, share: Any) -> None:
+    """Of a method with a single linear solve, put what is held to where it ends the step."""
+    for axis, place in enumerate((c.x, c.y, c.z)):
+        for i in range(share.first, share.last):
+            if (s.held[i] == HELD) | (s.held[i] == RESTS):
+                place[i] = s.ended[axis, i]
 
 
 def end_before(c: Any, s: Any, share: Any) -> None:

@@ -55,11 +55,11 @@ def free_along(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, en
             s.held[i] = HELD
             p = fetch(c, i, end)
             begun, p = saved(before, i, p, t), saved(s.ended, i, p, end)
-            number, n, u, static, kinetic, g = wall_of(part, c, begun, p, h, reversible)
+            number, n, u, own, static, kinetic, g = wall_of(part, c, begun, p, h, reversible)
             came = (before[3, i] - u[0], before[4, i] - u[1], before[5, i] - u[2])
             pull = dot(n, (s.near[0, i] - u[0], s.near[1, i] - u[1], s.near[2, i] - u[2]))
             if (number == 1) & (hi == h):
-                leave_slower(method, c, s, before, i, n, u, g, touching(part.contacts, p), h)
+                leave_slower(method, c, s, before, i, n, u, own, g, touching(part.contacts, p), h)
                 ends = (s.ended[3, i] - u[0], s.ended[4, i] - u[1], s.ended[5, i] - u[2])
                 for k in range(3):
                     s.wall[NORMAL + k, i], s.wall[RUNS + k, i] = n[k], u[k]
@@ -82,17 +82,19 @@ def is_reversible(method: Any) -> bool:
 
 
 def leave_slower(
-    method: Any, c: Any, s: Any, before: Any, i: Any, n: Any, u: Any, g: Any, slack: Any, h: Any
+    method: Any, c: Any, s: Any, before: Any, i: Any, n: Any, u: Any, own: Any, g: Any, slack: Any, h: Any
 ) -> None:
-    """Have particle i leave its collider no faster than it came, and be where these velocities lead, unless that is in the
-    collider; it is g above that. What leaves it already, and is drawn back in the step, turns around before it."""
+    """Have particle i, which has been thrown back, leave its collider no faster than it came, and be where these velocities
+    lead, unless that is in the collider; it is g above that, which moves with `own` at the beginning of the step and u at
+    the end. By a method that keeps energy what leaves it already, and is drawn back in the step, turns around before it."""
     half, none = type_of(h, 0.5), h - h
-    came = n[0] * (before[3, i] - u[0]) + n[1] * (before[4, i] - u[1]) + n[2] * (before[5, i] - u[2])
-    leaves = n[0] * (s.ended[3, i] - u[0]) + n[1] * (s.ended[4, i] - u[1]) + n[2] * (s.ended[5, i] - u[2])
-    if h * max(leaves, came) > slack:
-        slower, rise = min(leaves, -came), none
+    came = dot(n, (before[3, i] - own[0], before[4, i] - own[1], before[5, i] - own[2]))
+    leaves = dot(n, (s.ended[3, i] - u[0], s.ended[4, i] - u[1], s.ended[5, i] - u[2]))
+    turns = is_reversible(method) & (h * came > slack)
+    if (h * leaves > slack) | turns:
+        slower, rise = min(leaves, -came if turns else max(-came, none)), none
         for k in range(3):
-            rise += n[k] * (before[k, i] + h * u[k] - s.ended[k, i])
+            rise += n[k] * (before[k, i] + half * h * (own[k] + u[k]) - s.ended[k, i])
         rise = max(rise + g + half * h * (came + slower), none) - g
         for k, (place, speed) in enumerate(zip((c.x, c.y, c.z), (c.vx, c.vy, c.vz), strict=True)):
             s.ended[k, i] += rise * n[k]
@@ -108,11 +110,11 @@ def dot(a: Any, b: Any) -> Any:
 
 
 def wall_of(part: Any, c: Any, p: Any, q: Any, h: Any, reversible: Any) -> Any:
-    """How many colliders of a group a particle has met that went from p to q; the normal and velocity of the surface of one,
-    its coefficients of friction, and how far above it the particle is. Those that stop or kill what touches them, or take a
-    part of its velocity, count as two."""
+    """How many colliders of a group a particle has met that went from p to q; the normal of one, the velocity of its surface
+    at the end and at the beginning, its coefficients of friction, and how far above it the particle is. Those that stop or
+    kill what touches them, or take a part of its velocity, count as two."""
     number, zero = 0, h - h
-    n, u = (zero, zero, zero), (zero, zero, zero)
+    n, u, was = (zero, zero, zero), (zero, zero, zero), (zero, zero, zero)
     static, kinetic, height = zero, zero, zero
     slack, way = touching(part.contacts, q), (q.x - p.x, q.y - p.y, q.z - p.z)
     for collider in colliders_of(part):
@@ -123,7 +125,7 @@ def wall_of(part: Any, c: Any, p: Any, q: Any, h: Any, reversible: Any) -> Any:
         if g <= slack + h * max(leaves, zero):
             response = collider.response
             number += 1 if (response.outcome == PASS) & (response.loss == 0) else 2
-            n, u, height = up, own, max(g, zero)
+            n, u, was, height = up, own, surface_of(collider, c, p, up, p.t), max(g, zero)
             if reversible:
                 started, axes = gap_and_normal(collider, p)
                 begun = whole(axes, g)
@@ -133,7 +135,7 @@ def wall_of(part: Any, c: Any, p: Any, q: Any, h: Any, reversible: Any) -> Any:
                     n = halfway(begun, up)
             if response.friction is not None:
                 static, kinetic = type_of(h, response.friction.static), type_of(h, response.friction.kinetic)
-    return number, n, u, static, kinetic, height
+    return number, n, u, was, static, kinetic, height
 
 
 def halfway(n: Any, m: Any) -> Any:

@@ -14,6 +14,7 @@ from particlesim.engine.implicit.krylov import (
     SOLVED,
     UNSOLVED,
     WILD,
+    clear,
     conjugate_gradients,
     copy,
     size2,
@@ -57,6 +58,7 @@ def solve_step(
     reach, now = type_of(h, method.gamma) * h, t + method.node * (end - t)
     ended, iterations, spent, halved, taken = GOING, 0, 0, 0, 1.0
     first, last, goal, enough, size, slack = 0.0, np.inf, 0.0, 0.0, 0.0, 0.0
+    clear(s.solution, share.first, share.last)  # of what is held alone nothing is solved
     while ended == GOING:
         evaluate(parts, bonds, c, work, share, now, None)
         plain, symmetric, rounding = linearise(parts, bonds, c, s, work.force, share, now, reach)
