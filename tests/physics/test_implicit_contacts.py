@@ -219,3 +219,13 @@ def test_jelly_that_slides_stops_where_a_block_does(method: str) -> None:
     way = state.position[:, 0].mean()
     assert way == pytest.approx(v * v / (2 * friction * G) - ahead, abs=0.4 * h * v)
     assert np.abs(state.velocity.mean(axis=0)).max() < 1e-4
+
+
+@pytest.mark.parametrize("method", ["backward_euler", "bdf2"])
+def test_what_passes_a_thin_wall_unseen_is_counted_once(method: str) -> None:
+    sheet = {"type": "box", "center": [0, 0, 0], "size": [2, 0.05, 2], "detection": "discrete"}
+    given = pair(method, sheet, position=[[0, 0.5, 0], [0.3, 0.5, 0]], velocity=[[0, -60, 0]])
+    simulation = Simulation(ps.from_table(given), threads=1)
+    simulation.advance_to(20)
+    assert simulation.missed_crossings() == 2
+    simulation.close()

@@ -79,8 +79,6 @@ def solve_around(
             end_before(c, work.system, share)
         meet(share.gate, share.threads)
         more = solved and rounds < ROUNDS and some_held(parts, c, work, share, t, end, h)
-    if more or rounds > 0:
-        meet(share.gate, share.threads)
 
 
 def solve_with_friction(
@@ -125,17 +123,23 @@ def told_all(some: Any, s: Any, share: Any) -> bool:
 
 
 def some_held(parts: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any) -> bool:
-    """Let particles that are free meet colliders; returns whether these have held some back."""
+    """Let particles that are free meet colliders; returns whether these have held some back. Those that are still free will
+    meet them again at the end of the step, and what they have passed unseen is counted then."""
     s, some = work.system, False
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
     for axis, speed in enumerate((c.vx, c.vy, c.vz)):
         for i in range(share.first, share.last):
             s.near[axis, i] = speed[i]
+    if c.missed is not None:
+        for i in range(share.first, share.last):
+            s.missed[i] = c.missed[i]
     collide(parts, c, work.before, share, t, end, h, None, work.again, s.held)
     for i in range(share.first, share.last):
         if s.held[i] == CAUGHT:
             some = True
             recollect_pull(c, (s.near[0, i], s.near[1, i], s.near[2, i]), work.before, i, h)
+        elif c.missed is not None and s.held[i] == FREE:
+            c.missed[i] = s.missed[i]
     return told_all(some, s, share)
 
 

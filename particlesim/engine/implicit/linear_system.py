@@ -52,11 +52,12 @@ class System(NamedTuple):
     `inertia` D and `free` (1, or 0 for particles that do not move) [n]; `own` G row by row [9, n]; `block`: the 3 × 3 blocks
     on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `anchor`: their part without springs to free
     particles; `base`: X₀ and V₀ of the step [6, n]; `lead`: the velocity with which a single linear solve expects positions
-    to move; `held`: what colliders do to each in the step [n], `wall`: that which does [15, n], and `ended`: the motion of
-    all at its end [6, n] (`contacts`); `residual` r, `solution` δ, and work of the solver; `springs`: w and q of every slot
-    [4, slots], for every set; `forms`: what the other interactions of a thread keep of their linearisation; `pull`: scratch
-    of a thread [8, chunk], and `lanes` for its sums; `partial`: sums of chunks [4, chunks]; `flags`; `report`: how the last
-    step ended, its relative residual, and its Newton and linear iterations.
+    to move; `held`: what colliders do to each in the step [n], `wall`: that which does [15, n], `ended`: the motion of all
+    at its end [6, n], and `missed`: how many colliders they had passed unseen before [n] (`contacts`); `residual` r,
+    `solution` δ, and work of the solver; `springs`: w and q of every slot [4, slots], for every set; `forms`: what the other
+    interactions of a thread keep of their linearisation; `pull`: scratch of a thread [8, chunk], and `lanes` for its sums;
+    `partial`: sums of chunks [4, chunks]; `flags`; `report`: how the last step ended, its relative residual, its Newton and
+    linear iterations, and how small the residual of the first solution had to be (`solution.GOAL`).
     """
 
     inertia: Any
@@ -69,6 +70,7 @@ class System(NamedTuple):
     held: Any
     wall: Any
     ended: Any
+    missed: Any
     residual: Any
     solution: Any
     near: Any
@@ -104,6 +106,7 @@ def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Syste
         lead=rows(3),
         held=np.zeros(count, np.int8),
         wall=rows(15),
+        missed=np.zeros(count, np.int64),
         ended=rows(6),
         residual=rows(3),
         solution=rows(3),
