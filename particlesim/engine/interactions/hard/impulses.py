@@ -68,6 +68,7 @@ from particlesim.engine.interactions.hard.memory import (
     with_room,
 )
 from particlesim.engine.interactions.hard.overheard import Overheard, overhear, overheard_of
+from particlesim.engine.interactions.hard.slides import slide_on
 from particlesim.engine.interactions.hard.swift import hasten
 from particlesim.engine.interactions.hard.turns import (
     SETTLED,
@@ -85,7 +86,6 @@ from particlesim.engine.interactions.hard.walls import (
     put_out,
     put_out_of_bodies,
     rub_walls,
-    slide_on,
     watch_walls,
 )
 from particlesim.engine.interactions.hard.ways import Ways, new_ways
