@@ -52,8 +52,8 @@ def collide(
     held: Any = None,
 ) -> None:
     """Contacts at the end of a step; with `rebounds`, those that bounce are listed there; `kept`: what the step before has
-    led to (`again`), None where that is not kept; `held`: 1 of those that have been held back in the step already, and is
-    set for those that are now, None where it does not matter.
+    led to (`again`), None where that is not kept; `held`: not 0 of those that have been held back in the step already,
+    and 1 of those that are now, None where it does not matter.
 
     A particle that ends inside a collider is followed from impact to impact on the parabola from the beginning of the step
     to where its method has led it. With another path, particles that lie on a collider would oscillate with growing
