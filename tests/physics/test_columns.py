@@ -232,6 +232,39 @@ def test_no_iteration_adds_energy_and_pairs_keep_momentum(seed: int, monkeypatch
     assert energies[-1] < 0.99 * energies[0]
 
 
+def test_what_is_wedged_between_walls_that_leave_no_room_gains_nothing() -> None:
+    """Four that touch a cone in nine places, seven of them one that is in its tip: pushes there against each other cost no
+    energy. Directions that are conjugate to one along these had grown by 10⁹, and another one had gone up by 400 MJ."""
+    w = np.array([2.529, 6.549, 4.209, 2.819])
+    one, other = [0, 1, 0, 0, 1, 1, 1, 1, 1, 1, 2, 3], [3, 3, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    n = np.array(
+        [
+            *([-0.6267, 0.7084, 0.3248], [-0.2141, -0.9657, 0.1472], [-0.8523, -0.2707, 0.4476]),
+            *([0.887, 0.2589, -0.3824], [0.4987, 0.2588, -0.8272], [-0.4987, 0.2588, 0.8272]),
+            *([0.4759, 0.2588, 0.8406], [-0.962, 0.2588, -0.0873], [0.3073, 0.2588, -0.9157]),
+            *([-0.1138, 0.2588, 0.9592], [-0.8238, 0.2588, 0.5043], [-0.7965, 0.2589, 0.5464]),
+        ]
+    ).T
+    n /= np.linalg.norm(n, axis=0)
+    rate = np.array([-37.41, -114.5, -35.16, 0, -42.06, 19.88, -32.13, -8.128, -33.09, 0, 0, 0]) * 1e-5
+    given = np.array([1179, 2547, 1609, 879, 1386, 1363, 769, 437, 1843, 907, 862, 535]) * 1e-4
+    jacobian = np.zeros((12, 3, 4))
+    for k in range(12):
+        jacobian[k, :, one[k]] = n[:, k]
+        if k < 3:
+            jacobian[k, :, other[k]] -= n[:, k]
+    matrix = np.einsum("kai,i,lai->kl", jacobian, w, jacobian)
+    scale = 1 / np.sqrt(np.diag(matrix))
+    desk = at_once.new_desk(12, 4)
+    desk.of[NUMBER], desk.of[FIRST], desk.of[SECOND] = np.arange(12), one, other
+    desk.contacts[SCALE], desk.contacts[X : Z + 1] = scale, n
+    desk.contacts[GIVEN], desk.contacts[RATE] = given, scale * rate
+    at_once.find(desk, w, Chosen(3, 9, 8.527), 1e-5)
+    pushes = (desk.contacts[GIVEN] - given) * scale**2
+    assert rate @ pushes + 0.5 * pushes @ matrix @ pushes < 0
+    assert (rate + matrix @ pushes > -1e-5).all()
+
+
 def test_heaps_and_what_flies_are_left_to_turns() -> None:
     # A square lies on the floor, with two pairs for each of its grains with both diagonals; a row without a floor stands on
     # nothing; a row on the floor is solved.

@@ -234,7 +234,7 @@ def find(desk: Any, a: Any, chosen: Any, calm: Any) -> Any:
             answer(desk, a, chosen)
             by, bound = along(row, n), reach(row, n)
             go(row, n, min(by, bound))
-            if by <= bound:
+            if 0 < by <= bound:
                 turn_way(row, n)
             else:
                 downhill(row, n, step)
@@ -325,13 +325,14 @@ def reduced(row: Any, n: Any, step: Any) -> Any:
 @outlined
 def along(row: Any, n: Any) -> Any:
     """How far to go along the direction for the least energy there; not at all where there is none, as between walls that
-    leave no room."""
+    leave no room, nor where it leads up, by rounding: directions that are conjugate to one like that would grow without
+    bounds."""
     above = below = square = 0.0
     for k in range(n):
         above += row[RATE, k] * row[WAY, k]
         below += row[WAY, k] * row[ANSWER, k]
         square += row[WAY, k] * row[WAY, k]
-    return above / below if below > FLAT * square else 0.0
+    return above / below if (above > 0) & (below > FLAT * square) else 0.0
 
 
 @outlined
