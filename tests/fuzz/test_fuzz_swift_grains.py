@@ -15,7 +15,7 @@ from particlesim.engine.simulation import Simulation
     ("scene", "numbers"),
     [
         # smooth and under gravity, so that all of a scene share their kernels
-        ("sphere", (9, 72, 80, 95, 136, 177, 230, 253, 550)),
+        ("sphere", (9, 13, 72, 80, 95, 136, 177, 230, 253, 260, 550, 824)),
         ("box", (14, 65, 84, 107, 111, 136, 244, 260, 264, 267, 287)),
     ],
 )

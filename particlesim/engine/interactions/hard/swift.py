@@ -5,8 +5,9 @@ radii in a step may have passed each other then. So all whose way relative to th
 and those whose impacts on rigid bodies are left to this, are followed along their ways (`ways`) from impact to impact
 (`swept`, `walls_ahead`; `blows`, `rebounds`), in the order of time, and of rows at one time. After an impact both go on with
 the velocities that they have then, and are followed, whoever they are, also to colliders and to bodies. What colliders have
-thrown back more than once is followed from the beginning (`follow_anew`). Elastic ones on which forces act are followed at
-any speed: impacts at the end of a step do not know what forces have done until then, and nothing takes away what that gives.
+thrown back more than once is followed from the beginning (`follow_anew`). Elastic ones that have been thrown back, or on
+which forces act, are followed at any speed: impacts at the end of a step know neither the velocity before a rebound nor what
+forces have done until then, and nothing takes away what that gives.
 Where there are few, all are that would come into each other by more than `HITS`: a blow on a row of them, as on the column
 that falls on the floor, would go on by one pair in each step else, while all behind it come nearer. Among many that takes
 ten times as long, and shorter steps less. What else nobody hits keeps its bits, and where nobody is followed nothing is done
@@ -206,14 +207,15 @@ def choose(f: Any, alone: bool, h: Any, elastic: Any) -> int:
     for i in range(w.light.size):
         if w.when[ENDS, i] > 0:
             way = longest(w, i, mean, alone, h)
-            if way > 0.5 * FAST * (float(f.r[i]) + least):
+            if (way > 0.5 * FAST * (float(f.r[i]) + least)) | (elastic & is_unknown(w, i, alone, h)):
                 w.what[FOLLOWED, i] = 1
             pulled = (w.force[0, i] != 0) | (w.force[1, i] != 0) | (w.force[2, i] != 0)
-            if elastic & pulled & (way > 0) & (w.what[FOLLOWED, i] == 0):
-                w.what[FOLLOWED, i] = MEETING if is_plain(w, i) and not is_unknown(w, i, alone) else 1
+            thrown = not is_plain(w, i)
+            if elastic & (pulled | thrown) & (way > 0) & (w.what[FOLLOWED, i] == 0):
+                w.what[FOLLOWED, i] = 1 if thrown else MEETING
             if lively & (way > 0.5 * HITS * (float(f.r[i]) + least)) & (w.what[FOLLOWED, i] == 0):
                 # what slides along colliders that bend would be thrown back by them, and lose speed
-                flies = (w.what[THROWN, i] != LIES) and not is_unknown(w, i, alone)
+                flies = (w.what[THROWN, i] != LIES) and not is_unknown(w, i, alone, h)
                 bounced = bent_by(w, i) > max(HITS * float(f.r[i]), at_rest(w, i, h), TURNS * way)
                 w.what[FOLLOWED, i] = (1 if bounced else MEETING) if flies else 0
             if w.obstacles is not None and w.obstacles.left[i] > 0:
@@ -283,7 +285,7 @@ def follow_anew(f: Any, alone: bool, parts: Any, c: Any, t: Any, h: Any) -> None
     bodies: those whose impacts on them are left to this, and those that colliders have thrown back once."""
     w = f.ways
     for i in range(w.light.size):
-        if (w.what[FOLLOWED, i] > 0) & is_unknown(w, i, alone):
+        if (w.what[FOLLOWED, i] > 0) & is_unknown(w, i, alone, h):
             begun = begin_anew(w, i, h)
             find_wall(w, parts, c, i, t, h)
             if (w.what[THROWN, i] != COLLIDER) & (w.when[WALL, i] > w.when[ENDS, i]):
@@ -310,7 +312,7 @@ def longest(w: Any, i: Any, mean: Any, alone: bool, h: Any) -> Any:
         other += (w.on[axis, i] - mean[axis]) * (w.on[axis, i] - mean[axis])
     if w.when[BEND, i] <= 1:
         one = max(one, other)
-    elif is_unknown(w, i, alone):
+    elif is_unknown(w, i, alone, h):
         one = 0.0
         for axis in range(3):
             way = float(h) * w.first[axis, i] - mean[axis]
@@ -325,12 +327,12 @@ def bent_by(w: Any, i: Any) -> Any:
     return size_of(tuple(w.on[axis, i] - w.go[axis, i] for axis in range(3)))
 
 
-def is_unknown(w: Any, i: Any, alone: bool) -> Any:
+def is_unknown(w: Any, i: Any, alone: bool, h: Any) -> Any:
     """Whether the way of a particle may have legs that are not known: it has been thrown back, or happens to move as a
     method does, but not as forces on it say; and more than what lies, or slides along something, is turned."""
     thrown = w.what[THROWN, i]
     known = (thrown == LIES) | ((thrown == 0) & (not alone or size_of(unexplained(w, i)) == 0))
-    return (w.when[BEND, i] == STRAIGHT) & (w.light[i] > 0) & (not known) & (not turned_little(w, i))
+    return (w.when[BEND, i] == STRAIGHT) & (w.light[i] > 0) & (not known) & (not turned_little(w, i, h))
 
 
 # ---- the queue

@@ -228,20 +228,22 @@ def bend_way(w: Any, i: Any, r: Any, h: Any) -> None:
             kick, push = kick + w.image[axis, i] * w.image[axis, i], push + by * by
             w.force[axis, i] = w.image[axis, i]
             w.first[axis, i] += lasts * w.force[axis, i]
-        if (part <= 0) & (push <= max(REST * REST * kick, led(w, i))):
+        if (part <= 0) & (push <= max(REST * REST * kick, led(w, i, h))):
             w.what[THROWN, i] = LIES
 
 
-def led(w: Any, i: Any) -> Any:
-    """The square of by how much colliders turn the velocity of a particle at most that they have but led along."""
-    was = now = 0.0
+def led(w: Any, i: Any, h: Any) -> Any:
+    """The square of by how much colliders turn the velocity of a particle at most that they have but led along: none if it
+    has come less far than what is led, as what they throw back again and again, and happens to go on as it came."""
+    was = now = way = 0.0
     for axis in range(3):
-        u = w.first[axis, i]
-        was, now = was + u * u, now + w.speed[axis, i] * w.speed[axis, i]
-    return TURNS * TURNS * min(was, now)
+        u, v, x = w.first[axis, i], w.speed[axis, i], w.go[axis, i] / float(h)
+        was, now, way = was + u * u, now + v * v, way + x * x
+    least = min(was, now)
+    return TURNS * TURNS * least if way >= (1.0 - TURNS) * (1.0 - TURNS) * least else 0.0
 
 
-def turned_little(w: Any, i: Any) -> Any:
+def turned_little(w: Any, i: Any, h: Any) -> Any:
     """Whether the velocity of a particle has changed by no more, but for what forces do, than that of what lies or is led
     along: its way is nearly straight, whatever has turned it."""
     lasts, push, kick = w.when[ENDS, i] - w.when[BEGUN, i], 0.0, 0.0
@@ -249,7 +251,7 @@ def turned_little(w: Any, i: Any) -> Any:
     for axis in range(3):
         by = w.speed[axis, i] - w.first[axis, i] - known * w.image[axis, i]
         push, kick = push + by * by, kick + w.image[axis, i] * w.image[axis, i]
-    return push <= max(REST * REST * kick, led(w, i))
+    return push <= max(REST * REST * kick, led(w, i, h))
 
 
 def begin_anew(w: Any, i: Any, h: Any) -> Any:
