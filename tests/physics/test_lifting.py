@@ -63,6 +63,23 @@ def test_what_moving_apart_gives_is_known(overlap: float) -> None:
     assert fed == pytest.approx(M * G * apart, abs=M * G * G * STEP * STEP)
 
 
+@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("spin", [{}, {"friction": 0.3}], ids=["smooth", "rough"])
+def test_what_moves_pays_for_what_moving_apart_lifts(spin: dict[str, float], precision: str) -> None:
+    # they slide on a smooth floor, both as fast: friction between them, with which they turn, changes nothing
+    speed, overlap = 1.0, 0.02
+    two = points((0, R, 0), (0, 3 * R - overlap, 0), velocity=[(speed, 0, 0)] * 2, radius=R, mass=M)
+    scenario = stack(0.2, STEP, overlap, particles=[two], interactions=[{**HARD, **spin}])
+    scenario["simulation"]["precision"] = precision
+    fed, gained = fed_and_gained(scenario)
+    fall, lift = M * G * G * STEP * STEP, M * G * overlap
+    assert abs(gained) < 2 * fall
+    assert abs(fed) < 2 * fall
+    kinetic = ps.run(ps.from_table(scenario)).ledger["kinetic"]
+    slack = M * G * SLACK * R
+    assert kinetic[-1] == pytest.approx(M * speed * speed - lift + slack, abs=2 * fall + 1e-2 * slack)
+
+
 def test_what_rests_or_bounces_is_fed_next_to_nothing() -> None:
     # Impulses end with approaches of a thousandth of g dt, which is put back in every step; falls of a step, g dt², are not.
     time = 2.0

@@ -85,8 +85,9 @@ def test_a_pile_on_a_slope_stays_where_it_is() -> None:
     early, late = (rolling(math.atan(0.95 * MU), duration, *PILE).final for duration in (0.3, 2.0))
     assert np.abs(early.position - np.array(PILE)).max() < 1e-5 * R
     assert np.abs(late.position - early.position).max() < 1e-12 * R
-    assert np.abs(late.velocity).max() < EPS
-    assert R * np.abs(late["angular_velocity"]).max() < EPS
+    rounding = 1e-12 * G * 1e-3  # of what forces give in a step
+    assert np.abs(late.velocity).max() < rounding
+    assert R * np.abs(late["angular_velocity"]).max() < rounding
 
 
 def test_a_grain_stands_on_another_as_steep_as_rolling_friction_holds_it() -> None:

@@ -68,6 +68,7 @@ from particlesim.engine.interactions.hard.memory import (
     with_room,
 )
 from particlesim.engine.interactions.hard.overheard import Overheard, overhear, overheard_of
+from particlesim.engine.interactions.hard.paying import note_potentials, pay_for_lifts
 from particlesim.engine.interactions.hard.slides import slide_on
 from particlesim.engine.interactions.hard.swift import hasten
 from particlesim.engine.interactions.hard.turns import (
@@ -294,10 +295,12 @@ def resolve(tables: Any, each: Any, parts: Any, c: Any, before: Any, t: Any, h: 
             rest_at_once(each, parts, c, t, chosen, walls, calm)
             settle(each, c, before, walls, h)
             slide_on(each, parts, c, before, t, h)
+            note_potentials(each, parts, c, t)
             apart_at_once(each, parts, c, t, chosen, walls)
         else:
             settle(each, c, before, walls, h)
             slide_on(each, parts, c, before, t, h)
+            note_potentials(each, parts, c, t)
         turn, most, inside, far = 0, 0.0, 0.0, 0.0
         while moves_apart(turn, most):
             most = move_apart(each, c, turn)
@@ -308,10 +311,11 @@ def resolve(tables: Any, each: Any, parts: Any, c: Any, before: Any, t: Any, h: 
         leave_walls(each, parts, c, t, inside)
         if far > FAR:
             put_out(each, parts, c, t)
+        paid = pay_for_lifts(each, parts, c, walls, t)
         let_sleep(each, parts, c, before, walls, t, h)
         # not what steps take away from overlaps, and forces bring back
         stores = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
-        book(each.fed, min(lifted(parts, c, before, each.bench.mark, t, h), stores))
+        book(each.fed, max(min(lifted(parts, c, before, each.bench.mark, t, h), stores) - paid, 0.0))
         note_impulses(each, c, before)
     else:
         put_out_of_bodies(each.ways.obstacles, parts, c, t)
