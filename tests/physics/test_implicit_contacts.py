@@ -67,11 +67,11 @@ TABLE = {"type": "box", "center": [0, 0.4, 0], "size": [0.5, 1, 0.5]}
         ("backward_euler", 0.0, 1e-7),
         ("backward_euler", 0.9, 1e-7),
         ("bdf2", 0.0, 1e-9),
-        ("bdf2", 0.5, 0.5),
+        ("bdf2", 0.9, 1e-3),
         ("implicit_midpoint", 0.0, 1e-9),
-        ("implicit_midpoint", 0.9, 0.05),
+        ("implicit_midpoint", 0.9, 1e-4),
         ("trapezoidal", 0.0, 1e-9),
-        ("trapezoidal", 0.9, 0.05),
+        ("trapezoidal", 0.7, 1e-4),
     ],
 )
 def test_jelly_that_lands_on_the_floor_gains_nothing_and_lies(

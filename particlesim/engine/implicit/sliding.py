@@ -121,11 +121,13 @@ def wall_of(part: Any, c: Any, p: Any, q: Any, h: Any, reversible: Any) -> Any:
         g, axes = gap_and_normal(collider, q)
         up = whole(axes, g)
         own = surface_of(collider, c, q, up, q.t)
+        began = surface_of(collider, c, p, up, p.t)
         leaves = dot(up, (q.vx - own[0], q.vy - own[1], q.vz - own[2]))
-        if g <= slack + h * max(leaves, zero):
+        came = dot(up, (began[0] - p.vx, began[1] - p.vy, began[2] - p.vz))
+        if g <= slack + h * max(leaves, came, zero):
             response = collider.response
             number += 1 if (response.outcome == PASS) & (response.loss == 0) else 2
-            n, u, was, height = up, own, surface_of(collider, c, p, up, p.t), max(g, zero)
+            n, u, was, height = up, own, began, max(g, zero)
             if reversible:
                 started, axes = gap_and_normal(collider, p)
                 begun = whole(axes, g)
