@@ -96,8 +96,10 @@ class Account:
         turned: Floats,
         drift: float = DRIFT,
         fed: float = 0.0,
+        roughly: bool = False,
     ) -> Gain:
-        """The gain up to a step; `drift` is the part of all energies that rounding may feign."""
+        """The gain up to a step; `drift` is the part of all energies that rounding may feign. Of work that is known
+        `roughly` what takes energy does not count: more than was taken may be booked."""
         kinetic = energies["kinetic"]
         joule, own, sums = kinetic - self._kinetic - (fed - self._fed), self._kinetic, abs(kinetic)
         due = self._kinetic  # at the present depth
@@ -115,7 +117,7 @@ class Account:
             self._now[k] = now
         amounts = zip(self._work, work.tolist(), self._turned, turned.tolist(), strict=True)
         for before, after, turned_before, turned_after in amounts:
-            joule -= after - before
+            joule -= max(after - before, 0.0) if roughly else after - before
             exchanged += max(abs(after - before), turned_after - turned_before)
         # Methods of first order know the time of an energy to one step: what is turned over in it, which is twice the mean
         # of a fall from rest, is no gain.

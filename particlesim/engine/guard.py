@@ -23,6 +23,7 @@ from particlesim.engine.world import World
 from particlesim.errors import UsageError
 from particlesim.forces import Force
 from particlesim.graph.graph import Island
+from particlesim.integrators import ImplicitMethod
 from particlesim.laws.registry import has_law, potential
 from particlesim.scenario.reach import meetings_of
 
@@ -146,7 +147,8 @@ class Guard:
             if step >= self._from[number]:
                 account.begin(step, energies, work, turned, _fed(island))
             return
-        gain = account.look(step, energies, work, turned, self._drift, _fed(island))
+        roughly = _holds_back(world.graph.islands[number])
+        gain = account.look(step, energies, work, turned, self._drift, _fed(island), roughly)
         most = MOST_IF_ABRUPT if any(each.abrupt for each in island.interactions) else MOST_GAIN
         if gain.ratio <= most:
             return
@@ -211,6 +213,12 @@ def _rounded(world: World, number: int) -> float:
                 gains.append(error * (pull * dt) ** 2 / particle.m + slack * pull * particle.r)
         total += state.count * max(gains)
     return total
+
+
+def _holds_back(structure: Island) -> bool:
+    """Whether colliders hold back what an implicit method moves, in steps that are long for its dampers: velocities jump
+    there, and what dampers do in such a step is known roughly."""
+    return isinstance(structure.method, ImplicitMethod) and any(structure.colliders)
 
 
 def _fed(island: BaseIsland) -> float:
