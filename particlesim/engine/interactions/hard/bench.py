@@ -56,7 +56,7 @@ class Bench(NamedTuple):
     have been given at rest, as a change of velocity [m/s], and its LIMIT [4, room + walls].
 
     Of particles: `mark` [n]; by how much forces have changed velocities in the step, at most in a cluster [n] [m/s];
-    velocities before impulses, sums over clusters, and more [16, n]; by how much faster those are that nothing moves than in
+    velocities before impulses, sums over clusters, and more [27, n]; by how much faster those are that nothing moves than in
     the middle of the step [3, n] [m/s]. A desk for impulses that are found at once.
 
     With rolling friction, None without: what contacts have been given of it at rest (`friction`), and its LIMIT, as for
@@ -95,7 +95,7 @@ def new_bench(room: int, walls: int, ends: int, particles: int, dtype: Any, roll
         np.zeros((4, room + walls), dtype),
         np.zeros(particles, np.int8),
         np.zeros(particles, dtype),
-        np.zeros((16, particles)),
+        np.zeros((27, particles)),
         np.zeros((3, particles)),
         new_desk(room + walls, particles),
         np.zeros((4, room + walls), dtype) if rolls else None,

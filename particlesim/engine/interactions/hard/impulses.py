@@ -311,7 +311,7 @@ def resolve(tables: Any, each: Any, parts: Any, c: Any, before: Any, t: Any, h: 
         leave_walls(each, parts, c, t, inside)
         if far > FAR:
             put_out(each, parts, c, t)
-        paid = pay_for_lifts(each, parts, c, walls, t)
+        paid = pay_for_lifts(each, parts, c, before, walls, t, h)
         let_sleep(each, parts, c, before, walls, t, h)
         # not what steps take away from overlaps, and forces bring back
         stores = max(stored(parts, c, each.bench.mark, t) - low, 0.0)
