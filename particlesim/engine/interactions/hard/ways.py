@@ -228,19 +228,21 @@ def bend_way(w: Any, i: Any, r: Any, h: Any) -> None:
             kick, push = kick + w.image[axis, i] * w.image[axis, i], push + by * by
             w.force[axis, i] = w.image[axis, i]
             w.first[axis, i] += lasts * w.force[axis, i]
-        if (part <= 0) & (push <= max(REST * REST * kick, led(w, i, h))):
+        if (part <= 0) & (push <= led(w, i, kick, h)):
             w.what[THROWN, i] = LIES
 
 
-def led(w: Any, i: Any, h: Any) -> Any:
-    """The square of by how much colliders turn the velocity of a particle at most that they have but led along: none if it
-    has come less far than what is led, as what they throw back again and again, and happens to go on as it came."""
-    was = now = way = 0.0
+def led(w: Any, i: Any, kick: Any, h: Any) -> Any:
+    """The square of by how much colliders change the velocity of a particle at most that lies on them, or that they have but
+    led along; `kick`: that of what forces do. None if it has not come as far as velocities take it, as what is thrown back
+    again and again, and happens to go on as it came."""
+    was = now = off = 0.0
     for axis in range(3):
-        u, v, x = w.first[axis, i], w.speed[axis, i], w.go[axis, i] / float(h)
-        was, now, way = was + u * u, now + v * v, way + x * x
-    least = min(was, now)
-    return TURNS * TURNS * least if way >= (1.0 - TURNS) * (1.0 - TURNS) * least else 0.0
+        u, v = w.first[axis, i], w.speed[axis, i]
+        miss = w.go[axis, i] / float(h) - 0.5 * (u + v)
+        was, now, off = was + u * u, now + v * v, off + miss * miss
+    most = max(REST * REST * kick, TURNS * TURNS * min(was, now))
+    return most if off <= most else 0.0
 
 
 def turned_little(w: Any, i: Any, h: Any) -> Any:
@@ -251,7 +253,7 @@ def turned_little(w: Any, i: Any, h: Any) -> Any:
     for axis in range(3):
         by = w.speed[axis, i] - w.first[axis, i] - known * w.image[axis, i]
         push, kick = push + by * by, kick + w.image[axis, i] * w.image[axis, i]
-    return push <= max(REST * REST * kick, led(w, i, h))
+    return push <= led(w, i, kick, h)
 
 
 def begin_anew(w: Any, i: Any, h: Any) -> Any:
