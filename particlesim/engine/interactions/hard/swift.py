@@ -58,6 +58,7 @@ from particlesim.engine.interactions.hard.ways import (
     LIES,
     LIVELY,
     MEETING,
+    MOST_IMPACTS,
     PARTNER,
     SEEN,
     STRAIGHT,
@@ -124,6 +125,7 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, 
                 queue_followed(w)
                 take_lap(f, sets, parts, c, t, h, high)
         if share.number == 0:
+            go_own_ways(w, sets[0].fed)
             put_back(w, sets[0].fed, parts, c, t, h)
         meet(share.gate, share.threads)
         conclude_ways(w, c, before, share)
@@ -380,6 +382,16 @@ def enqueue(w: Any, i: Any) -> None:
 
 
 # ---- what comes of it
+
+
+@outlined
+def go_own_ways(w: Any, fed: Any) -> None:
+    """Have what has met nothing but colliders, and those too often, end the step as its method has it: what slides along a
+    bent wall would stay where it is for ever."""
+    for i in range(w.light.size):
+        if (w.what[HIT, i] == ANEW) & (w.what[IMPACTS, i] >= MOST_IMPACTS):
+            w.what[HIT, i] = 0
+            fed[1] -= 1.0
 
 
 @outlined

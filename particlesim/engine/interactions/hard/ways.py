@@ -49,6 +49,9 @@ BRIEF = 1e-9
 """The part of a way below which a leg is none: rounding would make its pace."""
 TURNS = 0.25
 """By how much a way has turned at most that colliders have led along, as a part of it."""
+ARC = 3.0
+"""1 over the part of the square of its angle by which the chord of an arc misses the mean of the velocities at its ends, at
+most: of a circle it is 12, of a spiral less."""
 ASTRAY = 1e-3
 """How far both legs may miss each other, as a part of the radius, and of the change of velocity times the step."""
 
@@ -228,21 +231,23 @@ def bend_way(w: Any, i: Any, r: Any, h: Any) -> None:
             kick, push = kick + w.image[axis, i] * w.image[axis, i], push + by * by
             w.force[axis, i] = w.image[axis, i]
             w.first[axis, i] += lasts * w.force[axis, i]
-        if (part <= 0) & (push <= led(w, i, kick, h)):
+        if (part <= 0) and led(w, i, push, kick, h):
             w.what[THROWN, i] = LIES
 
 
-def led(w: Any, i: Any, kick: Any, h: Any) -> Any:
-    """The square of by how much colliders change the velocity of a particle at most that lies on them, or that they have but
-    led along; `kick`: that of what forces do. None if it has not come as far as velocities take it, as what is thrown back
-    again and again, and happens to go on as it came."""
+def led(w: Any, i: Any, push: Any, kick: Any, h: Any) -> Any:
+    """Whether a particle lies on colliders that have changed its velocity, or has but been led along, by the squares of that
+    change and of what forces do. What has come less far than its velocities take it has not, as what is thrown back again
+    and again, and happens to go on as it came. What is led along an arc of θ, up to about 1 rad, misses their mean by some
+    θ²/12 of its speed: from impact to impact it would stay where it is."""
     was = now = off = 0.0
     for axis in range(3):
         u, v = w.first[axis, i], w.speed[axis, i]
         miss = w.go[axis, i] / float(h) - 0.5 * (u + v)
         was, now, off = was + u * u, now + v * v, off + miss * miss
-    most = max(REST * REST * kick, TURNS * TURNS * min(was, now))
-    return most if off <= most else 0.0
+    least = min(was, now)
+    most = max(REST * REST * kick, TURNS * TURNS * least)
+    return off <= most if push <= most else (push <= least) & (ARC * ARC * off * least <= push * push)
 
 
 def turned_little(w: Any, i: Any, h: Any) -> Any:
@@ -253,7 +258,7 @@ def turned_little(w: Any, i: Any, h: Any) -> Any:
     for axis in range(3):
         by = w.speed[axis, i] - w.first[axis, i] - known * w.image[axis, i]
         push, kick = push + by * by, kick + w.image[axis, i] * w.image[axis, i]
-    return push <= led(w, i, kick, h)
+    return led(w, i, push, kick, h)
 
 
 def begin_anew(w: Any, i: Any, h: Any) -> Any:
