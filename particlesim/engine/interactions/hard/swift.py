@@ -48,6 +48,7 @@ from particlesim.engine.interactions.hard.ways import (
     BEND,
     COLLIDER,
     DUE,
+    ELASTIC,
     ENDS,
     FOLLOWED,
     FORESEEN,
@@ -103,7 +104,7 @@ def hasten(sets: Any, alone: bool, parts: Any, c: Any, before: Any, share: Any, 
         swift = some_swift(f, c, before, FAST)
         lively = (not elastic) & (w.light.size <= FEW) & (not are_heard(parts))
         lively = lively & (swift | some_swift(f, c, before, HITS))
-        w.number[LIVELY] = 1 if lively else 0
+        w.number[LIVELY], w.number[ELASTIC] = 1 if lively else 0, 1 if elastic else 0
         w.number[LAPS] = 1 if elastic | swift | lively else 0
     meet(share.gate, share.threads)
     if w.number[LAPS] > 0:

@@ -35,10 +35,10 @@ SOMETHING, COLLIDER, LIES = 1, 2, 3
 higher than what lies."""
 MOST_IMPACTS = 64
 """Impacts of a particle in a step, after which it stays where it is until the end of the step."""
-STRUCK, LAPS, FORESEEN, ALONE, LIVELY = 0, 1, 2, 3, 4
+STRUCK, LAPS, FORESEEN, ALONE, LIVELY, ELASTIC = range(6)
 """In `number`: whether an impact has taken place in the step; in how many laps somebody is followed, 0 for nobody; whether
 lists are to tell who meets somebody; whether nothing but hard contacts acts between particles; whether those are followed
-that come to others, and not only by others."""
+that come to others, and not only by others; whether some are elastic."""
 MEETING = -1
 """For FOLLOWED: that it is if it meets somebody."""
 STRAIGHT = 2.0
@@ -68,7 +68,7 @@ class Ways(NamedTuple):
     to goes in the step [m], with the normal there, and how often that body's way had
     changed then (`met` [7, n]).
 
-    The queue of impacts, numbers of the step [5]; how far members come in it at most relative to their mean, the smallest
+    The queue of impacts, numbers of the step [6]; how far members come in it at most relative to their mean, the smallest
     radius, and that mean [5] [m]; by which part of a step velocities are late [1]. Of one
     impact: room for its friction and its rolling friction, as in `Bench` [4, 2]. Members in an order in which neighbours in
     space are neighbours [room], −1 for none, and the place of each in it [n]; how many come before a cell [cells + 1], and
@@ -131,7 +131,7 @@ def new_ways(particles: int, lag: float, obstacles: Any) -> Ways:
         obstacles,
         np.zeros((7, 0 if obstacles is None else particles)),
         new_queue(particles),
-        np.zeros(5, np.int64),
+        np.zeros(6, np.int64),
         np.zeros(5),
         np.array([lag]),
         np.zeros((4, 2)),
@@ -239,7 +239,7 @@ def led(w: Any, i: Any, push: Any, kick: Any, h: Any) -> Any:
     """Whether a particle lies on colliders that have changed its velocity, or has but been led along, by the squares of that
     change and of what forces do. What has come less far than its velocities take it has not, as what is thrown back again
     and again, and happens to go on as it came. What is led along an arc of θ, up to about 1 rad, misses their mean by some
-    θ²/12 of its speed: from impact to impact it would stay where it is."""
+    θ²/12 of its speed: from impact to impact it would stay where it is. Among elastic ones that may be rebounds."""
     was = now = off = 0.0
     for axis in range(3):
         u, v = w.first[axis, i], w.speed[axis, i]
@@ -247,7 +247,8 @@ def led(w: Any, i: Any, push: Any, kick: Any, h: Any) -> Any:
         was, now, off = was + u * u, now + v * v, off + miss * miss
     least = min(was, now)
     most = max(REST * REST * kick, TURNS * TURNS * least)
-    return off <= most if push <= most else (push <= least) & (ARC * ARC * off * least <= push * push)
+    arc = (push <= least) & (ARC * ARC * off * least <= push * push)
+    return off <= most if push <= most else arc & (w.number[ELASTIC] == 0)
 
 
 def turned_little(w: Any, i: Any, h: Any) -> Any:
