@@ -550,3 +550,37 @@ def test_a_slope_beside_which_a_ball_passes_does_not_rub_it(slope: float, first:
         planes=planes[first:] + planes[:first],
     ).final
     assert final.velocity[0] == pytest.approx([1.0, 0, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("spin", [400.0, -400.0])
+def test_a_ball_that_starts_to_roll_while_it_turns_about_its_normal_gains_nothing(spin: float) -> None:
+    """In a hollow ball its normal n turns by Δn a step; that is a slip of G = r ω_n n × Δn more. If it slid by −½ G before,
+    friction that stops all of it at once gives ¹⁄₂₈ G² of energy per mass: 4·10⁻⁵ of it."""
+    r, hollow, v, dt = 0.05, 0.8, 1.0, 1e-2
+    turned = r * abs(spin) * v * dt / (hollow - r)
+    for lead in (-0.5, 0.5):
+        ball = points(
+            (0, r - hollow, 0),
+            velocity=[[v, 0, 0]],
+            radius=r,
+            mass=1.0,
+            angular_velocity=[[lead * turned / r, spin, -v / r]],
+        )
+        wall = {"type": "sphere", "radius": hollow, "inside": True, "restitution": 0, "friction": 2.0}
+        simulation = Simulation(
+            ps.from_table(
+                table(
+                    0.2,
+                    dt,
+                    particles=[ball],
+                    interactions=[{"type": "contact", "friction": 0.5, "restitution": 0.5}],
+                    colliders=[wall],
+                )
+            )
+        )
+        energies = []
+        for step in range(21):
+            simulation.advance_to(step)
+            energies.append(simulation.ledger()["kinetic"])
+        simulation.close()
+        assert np.diff(energies).max() < 1e-8 * energies[0]

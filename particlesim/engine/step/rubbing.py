@@ -47,22 +47,14 @@ TURNS = 8
 """Turns between sliding and rolling friction of what slides."""
 
 
-def rub(c: Any, rolling: Any, columns: Any, i: Any, p: Any, n: Any, m: Any, push: Any) -> Any:
+def rub(c: Any, rolling: Any, columns: Any, i: Any, was: Any, p: Any, n: Any, push: Any) -> Any:
     """Turn sphere i of some columns by the friction of a collider that gave it a normal impulse over mass `push` [m/s], and
-    by `rolling` friction unless that is None; return what its velocity changes by. p is the sphere with its velocity after
-    that impulse, n the normal there, and m that in the middle of the step, about which friction turns it."""
+    by `rolling` friction unless that is None; return what its velocity changes by. `was` is the sphere at the beginning of
+    the step, p that with its velocity after the impulse, and n the normal there."""
     friction, s, r = c.response.friction, columns.spin, p.r
     w = (s.wx[i], s.wy[i], s.wz[i])
-    u = (p.vx, p.vy, p.vz)
-    if isinstance(c.shape, MovingRecord):
-        f = frame_at(c.shape, p.t, p.x)
-        own = surface_velocity(c.shape, f, p.x - r * n[0], p.y - r * n[1], p.z - r * n[2])
-        u = tuple(a - b for a, b in zip(u, own, strict=True))
-    belt = along_surface(carried(c.shape, c.response.belt, p.t, p.x), n)
-    u = tuple(a if b is None else a - b for a, b in zip(u, belt, strict=True))
-    turn = (w[1] * n[2] - w[2] * n[1], w[2] * n[0] - w[0] * n[2], w[0] * n[1] - w[1] * n[0])
-    up = u[0] * n[0] + u[1] * n[1] + u[2] * n[2]
-    slip = tuple(a - up * axis - r * b for a, axis, b in zip(u, n, turn, strict=True))
+    before, m = between(c, was, n)
+    slip, turn = slip_of(c, p, n, w)
     one = type_of(push, 1)
     if rolling is not None:
         spun = cross(spin_of(c.shape), n)
@@ -71,6 +63,9 @@ def rub(c: Any, rolling: Any, columns: Any, i: Any, p: Any, n: Any, m: Any, push
         k = type_of(push, 2.5) / (r if r > 0 else one)
         spin_up(s, i, k, cross(m, tuple(a - b for a, b in zip(q, change, strict=True))))
         return change
+    first, _ = slip_of(c, was, before, w)
+    if first[0] * slip[0] + first[1] * slip[1] + first[2] * slip[2] < 0 and lay_on(gap(c.shape, was), was):
+        slip = without_gain(first, slip)
     speed, share = np.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2]), type_of(push, 2 / 7)
     holds = share * speed <= max(friction.static * push, type_of(push, STILL))
     part = share if holds else min(friction.kinetic * push / speed, share)
@@ -80,6 +75,33 @@ def rub(c: Any, rolling: Any, columns: Any, i: Any, p: Any, n: Any, m: Any, push
     s.wy[i] -= k * (m[2] * change[0] - m[0] * change[2])
     s.wz[i] -= k * (m[0] * change[1] - m[1] * change[0])
     return change
+
+
+def slip_of(c: Any, p: Any, n: Any, w: Any) -> Any:
+    """How the surface of a sphere p with angular velocity w slides over a collider where the normal is n, and ω × n [m/s,
+    1/s]."""
+    r, u = p.r, (p.vx, p.vy, p.vz)
+    if isinstance(c.shape, MovingRecord):
+        f = frame_at(c.shape, p.t, p.x)
+        own = surface_velocity(c.shape, f, p.x - r * n[0], p.y - r * n[1], p.z - r * n[2])
+        u = tuple(a - b for a, b in zip(u, own, strict=True))
+    belt = along_surface(carried(c.shape, c.response.belt, p.t, p.x), n)
+    u = tuple(a if b is None else a - b for a, b in zip(u, belt, strict=True))
+    turn = (w[1] * n[2] - w[2] * n[1], w[2] * n[0] - w[0] * n[2], w[0] * n[1] - w[1] * n[0])
+    up = u[0] * n[0] + u[1] * n[1] + u[2] * n[2]
+    return tuple(a - up * axis - r * b for a, axis, b in zip(u, n, turn, strict=True)), turn
+
+
+def without_gain(first: Any, slip: Any) -> Any:
+    """As much of how a sphere slides at the end of a step as friction may stop, if it slid the other way at its beginning.
+    All of it, Y, would give the sphere 1/7 (|Y − T|² − |T|²) of energy per mass, with T the mean of both: what forces and
+    the bend of a wall do within the step is more than what it had."""
+    half = type_of(slip[0], 0.5)
+    mean = tuple(half * (a + b) for a, b in zip(first, slip, strict=True))
+    rest = tuple(half * (b - a) for a, b in zip(first, slip, strict=True))
+    size = np.sqrt(mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2])
+    part = size / np.sqrt(rest[0] * rest[0] + rest[1] * rest[1] + rest[2] * rest[2])
+    return tuple(a + part * b for a, b in zip(mean, rest, strict=True))
 
 
 def spin_up(s: Any, i: Any, k: Any, turn: Any) -> None:
@@ -138,19 +160,26 @@ def way_of(p: Any, q: Any, h: Any) -> Any:
     return half if along <= (half + half * half) * size else type_of(h, 1)
 
 
+def lay_on(g: Any, p: Any) -> Any:
+    """Whether a sphere that is g off a surface touches it."""
+    return abs(g) <= type_of(g, NEAR) * p.r
+
+
 def between(c: Any, p: Any, n: Any) -> Any:
-    """The normal in the middle of a step along a collider that bends, from p to where it is n; n, if p does not touch it.
-    With those of the end what turns about its normal would gain energy, or lose it, in proportion to the step."""
+    """The normals at the beginning and in the middle of a step along a collider that bends, from p to where it is n; n, if p
+    does not touch it. With that of the end what turns about its normal would gain energy, or lose it, in proportion to
+    the step."""
     if not bends(c):
-        return n
+        return n, n
     g, axes = gap_and_normal(c.shape, p)
     was = tuple(g - g if axis is None else axis for axis in axes)
     x, y, z = (a + b for a, b in zip(was, n, strict=True))
     size = np.sqrt(x * x + y * y + z * z)
     turned = (was[0] != n[0]) | (was[1] != n[1]) | (was[2] != n[2])
-    lay = turned & (abs(g) <= type_of(g, NEAR) * p.r) & (size > type_of(g, SAME_SIDE))
+    lay = turned & lay_on(g, p) & (size > type_of(g, SAME_SIDE))
     by = type_of(g, 1) / size if lay else size
-    return tuple(by * a if lay else b for a, b in zip((x, y, z), n, strict=True))
+    first = tuple(a if lay else b for a, b in zip(was, n, strict=True))
+    return first, tuple(by * a if lay else b for a, b in zip((x, y, z), n, strict=True))
 
 
 def rubbed(colliders: Any, rolling: Any, c: Any, i: Any, p: Any, q: Any, r: Any, h: Any) -> Any:
@@ -163,7 +192,7 @@ def rubbed(colliders: Any, rolling: Any, c: Any, i: Any, p: Any, q: Any, r: Any,
         normals, pushes = shared_by(colliders, r, left, far)
         for each, n, push in zip(colliders, normals, pushes, strict=True):
             if each.response.friction is not None and push > 0:
-                x, y, z = rub(each, rolling, c, i, r, n, between(each, p, n), push)
+                x, y, z = rub(each, rolling, c, i, p, r, n, push)
                 r = moved_to(r, r.x, r.y, r.z, r.vx + x, r.vy + y, r.vz + z, r.t)
                 dx, dy, dz = dx + x, dy + y, dz + z
         # a force that acts all through the step; an impact takes place in the middle of it, on average
