@@ -349,13 +349,15 @@ def _impact(
     dies_out = low or tau * NO_TIME < h
     if exact:
         q, _, on, _ = glide(method, dynamics, forces, contacts, p, tau, memory, how)
-        if -ahead(contacts, on, q) > type_of(h, DEEP) * rounding_of_step(contacts, p, q, h):
+        slack = rounding_of_step(contacts, p, q, h)
+        if -ahead(contacts, on, q) > type_of(h, DEEP) * slack:
             # Until now it lay there, and in a longer time it would not.
             sooner = tau * type_of(h, SOONER)
-            r, _, on, _ = glide(method, dynamics, forces, contacts, p, sooner, memory, how)
-            lay = any(on) and ahead(contacts, on, r) >= 0
+            r, _, lain, _ = glide(method, dynamics, forces, contacts, p, sooner, memory, how)
+            lay = any(lain) and ahead(contacts, lain, r) >= -slack
             lay = lay and not beyond(contacts.continuous, p, r, rounding(contacts, p))
             tau, q = (sooner, r) if lay else (tau, q)
+            on = tuple(before if not lay else after for before, after in zip(on, lain, strict=True))
     return tau, q, on, dies_out, lay
 
 
