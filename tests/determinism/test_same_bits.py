@@ -210,6 +210,7 @@ BOWL = {
 TABLE = {"type": "box", "center": [0, -0.5, 0], "size": [4, 1, 4], "restitution": 0.2, "friction": 0.5}
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("ground", [{"type": "plane", "restitution": 0.2, "friction": 0.5}, TABLE, BOWL])
 @pytest.mark.parametrize(
     "wakes",

@@ -122,7 +122,7 @@ def _threads_are_always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ("symplectic_euler", "single"),
         pytest.param("stormer_verlet", "double", marks=pytest.mark.slow),
-        ("rk45", "double"),
+        pytest.param("rk45", "double", marks=pytest.mark.slow),
     ],
 )
 def test_any_number_of_threads_leaves_the_same_bytes(method: str, precision: str) -> None:

@@ -32,6 +32,7 @@ def slope_of_pile(x: NDArray[Any], radius: NDArray[Any]) -> float:
     return float(np.degrees(np.arctan(-np.polyfit(away[on], top[on], 1)[0])))
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_sand_heaps_up_at_its_angle_of_repose() -> None:
     # 30° to 35° for dry sand. Without rolling friction there is no heap, and the slope is 0°.

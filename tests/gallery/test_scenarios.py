@@ -117,7 +117,7 @@ def start_of(scenario: ps.Scenario, group: str) -> tuple[NDArray[Any], NDArray[A
     return position, np.broadcast_to(velocity, position.shape)
 
 
-QUICK = ("bullet_and_paper", "marble_run")
+QUICK = ("bullet_and_paper", "slope")
 """Some of all kinds; the others take four minutes together. Those of springs and sand are in tests of their own."""
 
 

@@ -13,25 +13,28 @@ from typing import Any
 
 from particlesim.compiler import outlined
 from particlesim.engine.barrier import meet
-from particlesim.engine.coupled.contact import collide
+from particlesim.engine.coupled.contact import collide, forget
 from particlesim.engine.coupled.kernel import inertialess
 from particlesim.engine.implicit.krylov import SOLVED
 from particlesim.engine.implicit.linear_system import (
+    BEFORE,
     CAUGHT,
-    FLAGS,
     FREE,
     HELD,
     RESTS,
-    SOME_HELD,
     multiply,
+    told_all,
 )
-from particlesim.engine.implicit.sliding import end_along, free_along, recollect_pull, rub
+from particlesim.engine.implicit.sliding import end_along, free_along, recollect_pull, rub, turned
 from particlesim.engine.implicit.solution import finish, solve_step
+from particlesim.engine.implicit.staged import begin_anew, first_step
 from particlesim.engine.interactions.hard.walls import colliders_of
 from particlesim.engine.state.columns import in_step, type_of
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.contacts import Simple
 
+STEADY = 2.0**-3
+"""The part by which the force may change from step to step that presses something on a collider which holds it."""
 ROUNDS = 3
 """How often it is looked for what is hit as others are held, at most."""
 TURNS = 10
@@ -66,6 +69,14 @@ def solve_around(
     """Solve the equations of a step again, around those particles that colliders have held back in it."""
     lossy = work.rebounds is None or all(loses(part) for part in parts)
     more, rounds = good(share) and lossy and some_held(parts, c, work, share, t, end, h), 0
+    struck = False
+    if len(c.memory) > 0 and more:
+        for part in parts:
+            struck = turned(part, c, work, share, h) or struck
+        struck = told_all(struck, work.system, share)
+        if struck:  # what it looks back to led to nothing like this
+            method = first_step(method)
+            begin_anew(work, share, h)
     while more:
         begin_around(method, c, work, share, h)
         for part in parts:
@@ -79,6 +90,24 @@ def solve_around(
             end_before(c, work.system, share)
         meet(share.gate, share.threads)
         more = solved and rounds < ROUNDS and some_held(parts, c, work, share, t, end, h)
+    looks_back = len(c.memory) > 0 and rounds > 0
+    if looks_back and told_all(struck or presses_otherwise(c, work.system, share), work.system, share):
+        for i in range(share.first, share.last):
+            forget(c.memory, i)
+
+
+def presses_otherwise(c: Any, s: Any, share: Any) -> bool:
+    """Whether some of what colliders hold back is pressed, or pulled along them, otherwise than in the step before: it has
+    just come, or may soon leave. A method that looks back would go on as if it did not."""
+    some = False
+    for i in range(share.first, share.last):
+        if s.held[i] != FREE:
+            change, size = c.x[i] - c.x[i], c.x[i] - c.x[i]
+            for k, pull in enumerate(c.memory[3:6]):
+                change += (pull[i] - s.wall[BEFORE + k, i]) ** 2
+                size += pull[i] * pull[i]
+            some = some | (change > type_of(size, STEADY * STEADY) * size)
+    return bool(some)
 
 
 def solve_with_friction(
@@ -107,17 +136,6 @@ def good(share: Any) -> bool:
     """Whether the step has been one so far, in all shares."""
     meet(share.gate, share.threads)
     found = share.wild.sum() == 0
-    meet(share.gate, share.threads)
-    return bool(found)
-
-
-def told_all(some: Any, s: Any, share: Any) -> bool:
-    """Whether it is so in some share."""
-    s.flags[FLAGS * share.number + SOME_HELD] = 1 if some else 0
-    meet(share.gate, share.threads)
-    found = False
-    for k in range(share.threads):
-        found = found | (s.flags[FLAGS * k + SOME_HELD] != 0)
     meet(share.gate, share.threads)
     return bool(found)
 

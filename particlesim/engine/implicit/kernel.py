@@ -8,58 +8,20 @@ convergence, backward Euler is of first order. Pinned particles have no unknown:
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from particlesim.compiler import kernel
 from particlesim.engine.barrier import meet
 from particlesim.engine.coupled.forces import evaluate, roll, twist
 from particlesim.engine.coupled.kernel import begin_step, end_interval, end_step, inertialess, pauses
 from particlesim.engine.implicit.contacts import may_be_held, solve_around
-from particlesim.engine.implicit.krylov import General, Symmetric, clear
+from particlesim.engine.implicit.krylov import clear
+from particlesim.engine.implicit.linear_system import BEFORE
 from particlesim.engine.implicit.solution import finish, solve_step
+from particlesim.engine.implicit.staged import begun
 from particlesim.engine.state.columns import block_of, fetch, in_step, recall, span, type_of
-from particlesim.engine.step.newton import ROUNDING
 from particlesim.engine.step.particle_step import Newtonian
-from particlesim.integrators import ImplicitMethod
 from particlesim.laws.registry import velocity
-
-
-class StagedImplicit(NamedTuple):
-    """Numbers of an implicit method: γ, c, weights of the past and of the slope at the start, whether (X, V) is the middle;
-    whether one linear solve is all; relative tolerance, and what rounding leaves; bounds on Newton and linear iterations;
-    what equations the kernel can solve."""
-
-    gamma: float
-    node: float
-    past: float
-    slope: float
-    middle: bool
-    linear: bool
-    tolerance: float
-    rounding: float
-    limit: int
-    linear_limit: int
-    solver: Symmetric | General
-
-
-def staged_implicit(method: ImplicitMethod, dtype: Any, solver: Symmetric | General) -> StagedImplicit:
-    """A method's numbers for the stage-wise kernel."""
-    newton = method.record().newton
-    return StagedImplicit(
-        method.gamma,
-        method.node,
-        method.past,
-        method.slope,
-        method.ahead,
-        newton is None,
-        method.residual,
-        ROUNDING * float(np.finfo(dtype).eps),
-        1 if newton is None else newton.limit,
-        method.max_linear_iterations,
-        solver,
-    )
 
 
 def evolve_implicit(
@@ -110,6 +72,7 @@ def begin_part(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, en
     s, force = work.system, work.force
     past, half = type_of(h, method.past), type_of(h, 0.5)
     lean, reach = type_of(h, method.slope) * h, type_of(h, method.gamma) * h
+    drift = type_of(h, method.drift) * h + lean
     for i in range(max(share.first, part.first), min(share.last, part.last)):
         _, hi = span(c.clock, i, t, end, h)
         s.free[i], s.held[i] = type_of(h, 1 if hi > 0 else 0), 0
@@ -118,12 +81,14 @@ def begin_part(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, en
             part.dynamics, part.forces, p, force[0, i], force[1, i], force[2, i]
         )
         dx, dy, dz, ex, ey, ez, known = history(c.memory, i)
+        if len(c.memory) > 0:
+            s.wall[BEFORE, i], s.wall[BEFORE + 1, i], s.wall[BEFORE + 2, i] = ex, ey, ez
         if known != h:  # as from a step before under the same force
             dx, dy, dz = h * (ux - half * h * ax), h * (uy - half * h * ay), h * (uz - half * h * az)
             ex, ey, ez = h * ax, h * ay, h * az
-        s.base[0, i], s.base[3, i] = p.x + past * dx + lean * ux, p.vx + past * ex + lean * ax
-        s.base[1, i], s.base[4, i] = p.y + past * dy + lean * uy, p.vy + past * ey + lean * ay
-        s.base[2, i], s.base[5, i] = p.z + past * dz + lean * uz, p.vz + past * ez + lean * az
+        s.base[0, i], s.base[3, i] = p.x + past * dx + drift * ux, p.vx + past * ex + lean * ax
+        s.base[1, i], s.base[4, i] = p.y + past * dy + drift * uy, p.vy + past * ey + lean * ay
+        s.base[2, i], s.base[5, i] = p.z + past * dz + drift * uz, p.vz + past * ez + lean * az
         if hi > 0:
             c.vx[i], c.vy[i], c.vz[i] = ux, uy, uz
             if not method.linear:
@@ -166,9 +131,10 @@ def step_island_implicit(
     for step in range(steps):
         t, end = (first_step + step) * dt, (first_step + step + 1) * dt
         begin_step(c, work, share)
-        evolve_implicit(method, parts, bonds, in_step(c, t, end), work, share, t, end, h)
+        now = begun(method, c, work, share, h)
+        evolve_implicit(now, parts, bonds, in_step(c, t, end), work, share, t, end, h)
         if may_be_held(parts, bonds, c, work, share):
-            solve_around(method, parts, bonds, c, work, share, t, end, h)
+            solve_around(now, parts, bonds, c, work, share, t, end, h)
         if not end_step(parts, bonds, c, work, share, t, end, h):
             return step
         if pauses(share, step, steps):

@@ -37,9 +37,10 @@ GENERAL, COUPLED_AXES, SOME_HELD = 0, 1, 2
 FREE, CAUGHT, HELD, RESTS, SLIDES = 0, 1, 2, 3, 4
 """What colliders do to a particle in a step: nothing; they have just met it; they have it where it is; friction does; it
 slides along one."""
-NORMAL, RUNS, STATIC, KINETIC, ALONG, RUBS, LEFT = 0, 3, 6, 7, 8, 11, 12
+NORMAL, RUNS, STATIC, KINETIC, ALONG, RUBS, LEFT, BEFORE = 0, 3, 6, 7, 8, 11, 12, 15
 """Rows of the walls that hold particles back: the unit normal and the velocity of the surface [m/s]; coefficients of
-friction; the direction in which particles slide, and the force of friction against it [N]; the residual [N]."""
+friction; the direction in which particles slide, and the force of friction against it [N]; the residual [N]; and
+what forces gave in the step before [m/s]."""
 LANES = 64
 """Partial sums that run in parallel, as vectors; chunks of particles are multiples of it, except for the last."""
 FLAGS = 8
@@ -52,7 +53,7 @@ class System(NamedTuple):
     `inertia` D and `free` (1, or 0 for particles that do not move) [n]; `own` G row by row [9, n]; `block`: the 3 × 3 blocks
     on the diagonal, then their inverses, as xx, yy, zz, xy, xz, yz [6, n]; `anchor`: their part without springs to free
     particles; `base`: X₀ and V₀ of the step [6, n]; `lead`: the velocity with which a single linear solve expects positions
-    to move; `held`: what colliders do to each in the step [n], `wall`: that which does [15, n], `ended`: the motion of all
+    to move; `held`: what colliders do to each in the step [n], `wall`: that which does [18, n], `ended`: the motion of all
     at its end [6, n], and `missed`: how many colliders they had passed unseen before [n] (`contacts`); `residual` r,
     `solution` δ, and work of the solver; `springs`: w and q of every slot [4, slots], for every set; `forms`: what the other
     interactions of a thread keep of their linearisation; `pull`: scratch of a thread [8, chunk], and `lanes` for its sums;
@@ -105,7 +106,7 @@ def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Syste
         base=rows(6),
         lead=rows(3),
         held=np.zeros(count, np.int8),
-        wall=rows(15),
+        wall=rows(18),
         missed=np.zeros(count, np.int64),
         ended=rows(6),
         residual=rows(3),
@@ -157,14 +158,17 @@ def write_own(s: Any, i: Any, inertia: Any, g: Any) -> Any:
     return apart > type_of(inertia, 1e-6) * (size + inertia), size + apart > 0
 
 
-def add_own(parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, lo: Any, hi: Any, flags: Any) -> None:
+def add_own(
+    parts: Any, c: Any, s: Any, total: Any, t: Any, reach: Any, mass: Any, lo: Any, hi: Any, flags: Any
+) -> None:
     """D, G and the residual of particles [lo, hi) from the forces on single particles.
 
-    `total` are all forces, `reach` is γ; the residual is f − D (V − V₀), and what the forces gain from the lead.
+    `total` are all forces, `reach` is γ, and `mass` what inertia counts for; the residual is f − D (V − V₀), and what the
+    forces gain from the lead.
     """
     for part in parts:
         first, last = max(lo, part.first), min(hi, part.last)
-        _add_own(part.dynamics, part.forces, c, s, total, t, reach, first, last, flags)
+        _add_own(part.dynamics, part.forces, c, s, total, t, reach, mass, first, last, flags)
 
 
 def _add_own(
@@ -175,13 +179,16 @@ def _add_own(
     total: Any,
     t: Any,
     reach: Any,
+    mass: Any,
     first: Any,
     last: Any,
     flags: Any,
 ) -> None:
     for i in range(first, last):
         p = fetch(c, i, t)
-        inertia, g, (rx, ry, rz) = equation(dynamics, forces, p, s.base[3:6, i], reach, s.lead[:, i])
+        inertia, g, (rx, ry, rz) = equation(
+            dynamics, forces, p, s.base[3:6, i], reach, type_of(reach, mass), s.lead[:, i]
+        )
         general, coupled = write_own(s, i, type_of(reach, inertia), g)
         free = s.free[i] > 0
         flags[GENERAL] |= general & free
@@ -191,12 +198,12 @@ def _add_own(
         s.residual[2, i] = total[2, i] + rz
 
 
-def equation(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, lead: Any) -> Any:
+def equation(dynamics: Any, forces: Any, p: Any, start: Any, reach: Any, mass: Any, lead: Any) -> Any:
     """D, G, and the residual without the force, of one particle that would move with the velocity that it has; tracers are
     never coupled."""
     if isinstance(dynamics, Newtonian):
         dx, dv = force_dx(forces, p), force_dv(forces, p)
-        inertia = p.m / reach
+        inertia = mass * p.m / reach
         hx, hy, hz = times(dx, lead[0], lead[1], lead[2])
         g = combined(dx, dv, type_of(reach, 1), reach)
         return (
@@ -312,7 +319,9 @@ def of_rounding(s: Any, c: Any, lo: Any, hi: Any, reach: Any) -> float:
     return total
 
 
-def linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t: Any, reach: Any) -> Any:
+def linearise(
+    parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t: Any, reach: Any, mass: Any
+) -> Any:
     """The equations at the present state, under the total forces at time t; ready when all threads have met.
 
     Returns whether G is zero, whether the matrix is symmetric, and Σ tr(M) (V² + X²/γ²): the square of the residual that
@@ -322,7 +331,7 @@ def linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t:
     for k in range(FLAGS):
         flags[k] = 0
     for lo in range(share.first, share.last, share.chunk):
-        add_own(parts, c, s, total, t, reach, lo, min(lo + share.chunk, share.last), flags)
+        add_own(parts, c, s, total, t, reach, mass, lo, min(lo + share.chunk, share.last), flags)
     add_springs(bonds, s.springs, c, s, reach)
     gather_blocks(s.lattices, s.free, s.anchor, s.block, team_of(share))
     stiffen_elements(share.elements, s.forms, c, s, share, t, reach)
@@ -340,3 +349,14 @@ def linearise(parts: Any, bonds: Any, c: Any, s: Any, total: Any, share: Any, t:
     for k in range(s.partial.shape[1]):
         rounding += s.partial[3, k]
     return not coupled, not general, rounding
+
+
+def told_all(some: Any, s: Any, share: Any) -> bool:
+    """Whether it is so in some share."""
+    s.flags[FLAGS * share.number + SOME_HELD] = 1 if some else 0
+    meet(share.gate, share.threads)
+    found = False
+    for k in range(share.threads):
+        found = found | (s.flags[FLAGS * k + SOME_HELD] != 0)
+    meet(share.gate, share.threads)
+    return bool(found)

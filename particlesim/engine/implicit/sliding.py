@@ -58,8 +58,9 @@ def free_along(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, en
             number, n, u, own, static, kinetic, g = wall_of(part, c, begun, p, h, reversible)
             came = (before[3, i] - u[0], before[4, i] - u[1], before[5, i] - u[2])
             pull = dot(n, (s.near[0, i] - u[0], s.near[1, i] - u[1], s.near[2, i] - u[2]))
+            slack = touching(part.contacts, p)
             if (number == 1) & (hi == h):
-                leave_slower(method, c, s, before, i, n, u, own, g, touching(part.contacts, p), h)
+                leave_slower(method, c, s, before, i, n, u, own, g, slack, h)
                 ends = (s.ended[3, i] - u[0], s.ended[4, i] - u[1], s.ended[5, i] - u[2])
                 for k in range(3):
                     s.wall[NORMAL + k, i], s.wall[RUNS + k, i] = n[k], u[k]
@@ -72,8 +73,26 @@ def free_along(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, en
                     lay(method, c, s, before, i, n, u, dot(n, ends), h)
                 else:
                     go_on(c, i, n, before)
-                    rubs = p.m * most / (type_of(h, 2 if method.middle else 1) * reach)
+                    rubs = (
+                        type_of(h, method.mass) * p.m * most / (type_of(h, 2 if method.middle else 1) * reach)
+                    )
                     let_slide(c, s, i, n, slide, rubs, reach)
+
+
+@outlined
+def turned(part: Any, c: Any, work: Any, share: Any, h: Any) -> bool:
+    """Whether a collider has given another velocity to some particles of a group in a share that it has met, as by landing
+    or rebound, not only as their ways bend."""
+    struck = False
+    for i in range(max(share.first, part.first), min(share.last, part.last)):
+        if work.system.held[i] == CAUGHT:
+            change, speed = h - h, h - h
+            for k, column in enumerate((c.vx, c.vy, c.vz)):
+                change += (column[i] - work.before[3 + k, i]) ** 2
+                speed += work.before[3 + k, i] ** 2
+            slack = touching(part.contacts, fetch(c, i, h - h))
+            struck = struck | ((h * h * change > slack * slack) & (change > type_of(h, BEND * BEND) * speed))
+    return bool(struck)
 
 
 def is_reversible(method: Any) -> bool:
@@ -95,7 +114,8 @@ def leave_slower(
         slower, rise = min(leaves, -came if turns else max(-came, none)), none
         for k in range(3):
             rise += n[k] * (before[k, i] + half * h * (own[k] + u[k]) - s.ended[k, i])
-        rise = max(rise + g + half * h * (came + slower), none) - g
+        # nor higher than it was: a collider that lifts what was leaving would work
+        rise = max(rise + g + half * h * ((came if turns else min(came, none)) + slower), none) - g
         for k, (place, speed) in enumerate(zip((c.x, c.y, c.z), (c.vx, c.vy, c.vz), strict=True)):
             s.ended[k, i] += rise * n[k]
             s.ended[3 + k, i] += (slower - leaves) * n[k]

@@ -61,7 +61,7 @@ def solve_step(
     clear(s.solution, share.first, share.last)  # of what is held alone nothing is solved
     while ended == GOING:
         evaluate(parts, bonds, c, work, share, now, None)
-        plain, symmetric, rounding = linearise(parts, bonds, c, s, work.force, share, now, reach)
+        plain, symmetric, rounding = linearise(parts, bonds, c, s, work.force, share, now, reach, method.mass)
         size = size2(s, share)
         if iterations == 0:
             first, slack = size, left_by_errors(c, s, share)

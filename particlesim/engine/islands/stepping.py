@@ -13,8 +13,9 @@ from particlesim.engine.coupled.gauss_radau import staged_gauss_radau, step_isla
 from particlesim.engine.coupled.kernel import step_island
 from particlesim.engine.coupled.wisdom_holman import staged_wisdom_holman, step_island_wisdom_holman
 from particlesim.engine.coupled.workspace import Part, staged
-from particlesim.engine.implicit.kernel import StagedImplicit, staged_implicit, step_island_implicit
+from particlesim.engine.implicit.kernel import step_island_implicit
 from particlesim.engine.implicit.krylov import INDEFINITE, General, Symmetric
+from particlesim.engine.implicit.staged import StagedImplicit, staged_implicit
 from particlesim.engine.interactions.interaction import tired_elements
 from particlesim.engine.islands.base import OWN_STEPS, WORTH_THREADS
 from particlesim.engine.islands.in_space import InSpace

@@ -27,7 +27,8 @@ HALVINGS = 6
 
 
 class Equation(NamedTuple):
-    """Residual V − V₀ − γ h a [m/s], −1 times its derivative by V beyond the unit matrix, and the part of it by position."""
+    """Residual V − V₀ − γ h a [m/s] (h a in a first step), −1 times its derivative by V beyond the unit matrix, and the part
+    of it by position."""
 
     residual: tuple[float, float, float]
     slope: tuple[float, ...]
@@ -35,12 +36,13 @@ class Equation(NamedTuple):
 
 
 class Start(NamedTuple):
-    """X₀, V₀, the first guess of V, and γ h."""
+    """X₀, V₀, the first guess of V; for how long V takes X₀ to X, and for how long the acceleration there V₀ to V: γ h."""
 
     x: tuple[float, float, float]
     v: tuple[float, float, float]
     guess: tuple[float, float, float]
     reach: float
+    push: float
 
 
 class Solution(NamedTuple):
@@ -98,7 +100,8 @@ def recollected(memory: Any, p: Any, q: Any, h: Any) -> Any:
 def start(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
     """X₀ and V₀ of a step, and the first guess."""
     if isinstance(dynamics, Newtonian) and method.slope is None and method.past is None:
-        return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz), method.gamma * h)
+        reach = method.gamma * h
+        return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz), reach, reach)
     if method.slope is not None:
         r, k = derivative(dynamics, forces, p), method.slope * h
         return Start(
@@ -106,24 +109,30 @@ def start(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) 
             (p.vx + k * r.vx, p.vy + k * r.vy, p.vz + k * r.vz),
             (r.x, r.y, r.z),
             method.gamma * h,
+            method.gamma * h,
         )
+    r = derivative(dynamics, forces, p)
     if method.past is None:
-        r = derivative(dynamics, forces, p)
-        return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (r.x, r.y, r.z), method.gamma * h)
-    r, k, half = derivative(dynamics, forces, p), method.past, type_of(h, 0.5) * h
+        reach = method.gamma * h
+        return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (r.x, r.y, r.z), reach, reach)
+    # A first step is one of a method of one step: V = v + h a(X), X = x + ½ h (v + V), as in `implicit.kernel.begun`.
+    k, half, none = method.past, type_of(h, 0.5) * h, h - h
     dx, dy, dz, ux, uy, uz, known = memory
     go_on = (known == h) & (known > 0)
-    dx = dx if go_on else h * (r.x - half * r.vx)  # as from a step before under the same force
-    dy = dy if go_on else h * (r.y - half * r.vy)
-    dz = dz if go_on else h * (r.z - half * r.vz)
-    ux = ux if go_on else h * r.vx
-    uy = uy if go_on else h * r.vy
-    uz = uz if go_on else h * r.vz
     return Start(
-        (p.x + k * dx, p.y + k * dy, p.z + k * dz),
-        (p.vx + k * ux, p.vy + k * uy, p.vz + k * uz),
+        (
+            p.x + (k * dx if go_on else half * r.x),
+            p.y + (k * dy if go_on else half * r.y),
+            p.z + (k * dz if go_on else half * r.z),
+        ),
+        (
+            p.vx + (k * ux if go_on else none),
+            p.vy + (k * uy if go_on else none),
+            p.vz + (k * uz if go_on else none),
+        ),
         (r.x, r.y, r.z),
-        method.gamma * h,
+        method.gamma * h if go_on else half,
+        method.gamma * h if go_on else h,
     )
 
 
@@ -131,7 +140,7 @@ def equation(dynamics: Any, forces: Any, p: Any, s: Any) -> Any:
     """The equations of a step at a particle's position and velocity."""
     if isinstance(dynamics, Newtonian):
         fx, fy, fz = force(forces, p)
-        k = s.reach * p.w
+        k = s.push * p.w
         by_place = scaled_sum(k, force_dx(forces, p), k - k, force_dx(forces, p))
         slope = scaled_sum(s.reach, by_place, k, force_dv(forces, p))
         u, v, w = s.v
