@@ -35,6 +35,9 @@ from particlesim.engine.step.contacts import Simple
 
 STEADY = 2.0**-3
 """The part by which the force may change from step to step that presses something on a collider which holds it."""
+SOFT = 0.97
+"""What a particle moves under a force over what it would without its springs, up to which they are stiff: 1/(1 + (ω h)²/4)
+by methods that keep energy."""
 ROUNDS = 3
 """How often it is looked for what is hit as others are held, at most."""
 TURNS = 10
@@ -54,8 +57,26 @@ def has_colliders(part: Any) -> bool:
     return not isinstance(part.contacts, Simple) or len(part.contacts.colliders) > 0
 
 
+def around(parts: Any, work: Any, share: Any) -> bool:
+    """Whether equations are to be solved around what colliders hold back: that loses some energy, which nobody misses where
+    colliders take some, or where springs are stiff, of which else more would be gained. Others keep theirs (`rebounds`)."""
+    if work.rebounds is None:
+        return True
+    lossy = all(loses(part) for part in parts)
+    return lossy or told_all(stiff(work.system, share), work.system, share)
+
+
+def stiff(s: Any, share: Any) -> bool:
+    """Whether some particle moves much less under a force than without its springs in the step: by more than `SOFT`."""
+    some = False
+    for i in range(share.first, share.last):
+        trace = s.block[0, i] + s.block[1, i] + s.block[2, i]
+        some = some | ((s.free[i] > 0) & (s.inertia[i] * trace < type_of(trace, 3 * SOFT)))
+    return bool(some)
+
+
 def loses(part: Any) -> bool:
-    """Whether what hits the colliders of a group loses energy there, so that nobody misses what is lost by the way."""
+    """Whether what hits the colliders of a group loses energy there."""
     lossy = True
     for collider in colliders_of(part):
         lossy = lossy & (collider.response.bounce < 2)
@@ -67,8 +88,8 @@ def solve_around(
     method: Any, parts: Any, bonds: Any, c: Any, work: Any, share: Any, t: Any, end: Any, h: Any
 ) -> None:
     """Solve the equations of a step again, around those particles that colliders have held back in it."""
-    lossy = work.rebounds is None or all(loses(part) for part in parts)
-    more, rounds = good(share) and lossy and some_held(parts, c, work, share, t, end, h), 0
+    more = good(share) and around(parts, work, share) and some_held(parts, c, work, share, t, end, h)
+    rounds = 0
     struck = False
     if len(c.memory) > 0 and more:
         for part in parts:
