@@ -95,8 +95,8 @@ class ImplicitMethod(Method):
     """V = V₀ + γ h a(X, V), X = X₀ + γ h V at t + c h, with c = `node`.
 
     V₀ = v + past (v − v₋) + slope h a, and likewise X₀, where v₋ belongs to the step before. (X, V) is the new state, or
-    with `ahead` the middle, and the new state 2 X − x, 2 V − v. A method with a past begins with one step of
-    V = v + h a(X), X = x + ½ h (v + V), which is exact under constant forces and stable under all. Raises ValueError at
+    with `ahead` the middle, and the new state 2 X − x, 2 V − v. A method with a past begins with one step
+    of the trapezoidal rule, or in an island with one that damps (`engine.implicit.staged.first_step`). Raises ValueError at
     import when order conditions up to order 2 are missed.
     """
 

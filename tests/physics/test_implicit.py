@@ -79,7 +79,7 @@ def test_oscillators_decay_by_the_amplification_factor(name: str, scene: Any) ->
 @pytest.mark.parametrize("stiffness", [1e4, 1e6, 1e8])
 def test_a_first_step_with_a_past_gains_nothing_however_stiff_what_pulls_is(stiffness: float) -> None:
     """Begun with a past under the force that acts at first, (ω h)²/16 times the energy was there after it: 7 times at
-    ω h = 10. A step of V = v + h a(X), X = x + ½ h (v + V) leaves (1 + z²)/(1 + z²/2)² of it, z = ω h, from rest."""
+    ω h = 10."""
     h = 1e-2
     spring = [{"type": "point_spring", "stiffness": stiffness}]
     ledger = simulate(
@@ -91,9 +91,8 @@ def test_a_first_step_with_a_past_gains_nothing_however_stiff_what_pulls_is(stif
         output={"every": 1, "ledger": True},
     ).ledger
     energy = ledger["kinetic"] + ledger["potential.point_spring"]
-    z2 = stiffness * h * h
-    assert energy[1] == pytest.approx((1 + z2) / (1 + z2 / 2) ** 2 * energy[0], rel=1e-9)
-    assert (np.diff(energy) <= 0).all()
+    assert energy[1] == pytest.approx(energy[0], rel=1e-9)
+    assert (np.diff(energy[1:]) < 0).all()
 
 
 @pytest.mark.parametrize("speed", [0.0, 3.0])

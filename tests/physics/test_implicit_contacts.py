@@ -113,6 +113,20 @@ def test_jelly_that_is_too_stiff_for_its_step_gains_nothing(
     assert (found - np.minimum.accumulate(found)).max() < 1e-3
 
 
+@pytest.mark.parametrize(
+    ("method", "stiffness"),
+    [("trapezoidal", 300.0), pytest.param("implicit_midpoint", 1e3, marks=pytest.mark.slow)],
+)
+def test_stiff_jelly_gains_nothing_on_an_elastic_floor(method: str, stiffness: float) -> None:
+    """It had gained 1.4 of 4.4 J at 300 N/m, and found no solution at 1000."""
+    given = jelly(method, 1.0)
+    given["particles"][0]["springs"].update(structural=stiffness, shear=stiffness)
+    given["colliders"][0]["friction"] = 0.0
+    found = energies(given)
+    assert found.max() <= found[0] * (1 + 1e-12)
+    assert (found - np.minimum.accumulate(found)).max() < (1e-3 if stiffness < 1e3 else 0.02)
+
+
 @pytest.mark.parametrize("method", ["implicit_midpoint", "trapezoidal"])
 def test_books_do_not_stop_jelly_that_lands(method: str) -> None:
     # Its dampers were booked with 0.7 J more than they had taken, and the run was stopped for that as a gain.

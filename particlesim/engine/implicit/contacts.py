@@ -15,7 +15,7 @@ from particlesim.compiler import outlined
 from particlesim.engine.barrier import meet
 from particlesim.engine.coupled.contact import collide, forget
 from particlesim.engine.coupled.kernel import inertialess
-from particlesim.engine.implicit.krylov import SOLVED
+from particlesim.engine.implicit.krylov import SOLVED, summed
 from particlesim.engine.implicit.linear_system import (
     BEFORE,
     CAUGHT,
@@ -25,7 +25,7 @@ from particlesim.engine.implicit.linear_system import (
     multiply,
     told_all,
 )
-from particlesim.engine.implicit.sliding import end_along, free_along, recollect_pull, rub, turned
+from particlesim.engine.implicit.sliding import end_along, free_along, recollect_pull, rub
 from particlesim.engine.implicit.solution import finish, solve_step
 from particlesim.engine.implicit.staged import begin_anew, first_step
 from particlesim.engine.interactions.hard.walls import colliders_of
@@ -33,8 +33,9 @@ from particlesim.engine.state.columns import in_step, type_of
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.contacts import Simple
 
-STEADY = 2.0**-3
-"""The part by which the force may change from step to step that presses something on a collider which holds it."""
+STEADY, LONG = 2.0**-4, 0.7
+"""By what part of what is coupled colliders may push it otherwise than in the step before, and what `SOFT` is where a step
+is so long for springs that looking back beyond such a push gives energy: ω h is 1."""
 SOFT = 0.97
 """What a particle moves under a force over what it would without its springs, up to which they are stiff: 1/(1 + (ω h)²/4)
 by methods that keep energy."""
@@ -63,15 +64,15 @@ def around(parts: Any, work: Any, share: Any) -> bool:
     if work.rebounds is None:
         return True
     lossy = all(loses(part) for part in parts)
-    return lossy or told_all(stiff(work.system, share), work.system, share)
+    return lossy or told_all(stiff(work.system, share, SOFT), work.system, share)
 
 
-def stiff(s: Any, share: Any) -> bool:
-    """Whether some particle moves much less under a force than without its springs in the step: by more than `SOFT`."""
+def stiff(s: Any, share: Any, part: float) -> bool:
+    """Whether some particle moves by less than a part of what it would without its springs under a force in the step."""
     some = False
     for i in range(share.first, share.last):
         trace = s.block[0, i] + s.block[1, i] + s.block[2, i]
-        some = some | ((s.free[i] > 0) & (s.inertia[i] * trace < type_of(trace, 3 * SOFT)))
+        some = some | ((s.free[i] > 0) & (s.inertia[i] * trace < type_of(trace, 3) * type_of(trace, part)))
     return bool(some)
 
 
@@ -90,14 +91,11 @@ def solve_around(
     """Solve the equations of a step again, around those particles that colliders have held back in it."""
     more = good(share) and around(parts, work, share) and some_held(parts, c, work, share, t, end, h)
     rounds = 0
-    struck = False
-    if len(c.memory) > 0 and more:
-        for part in parts:
-            struck = turned(part, c, work, share, h) or struck
-        struck = told_all(struck, work.system, share)
-        if struck:  # what it looks back to led to nothing like this
-            method = first_step(method)
-            begin_anew(work, share, h)
+    looks_back = len(c.memory) > 0 and more and told_all(stiff(work.system, share, LONG), work.system, share)
+    struck = looks_back and is_struck(c, work, share, False)
+    if struck:  # what it looks back to led to nothing like this
+        method = first_step(method)
+        begin_anew(work, share, h)
     while more:
         begin_around(method, c, work, share, h)
         for part in parts:
@@ -111,24 +109,36 @@ def solve_around(
             end_before(c, work.system, share)
         meet(share.gate, share.threads)
         more = solved and rounds < ROUNDS and some_held(parts, c, work, share, t, end, h)
-    looks_back = len(c.memory) > 0 and rounds > 0
-    if looks_back and told_all(struck or presses_otherwise(c, work.system, share), work.system, share):
+    if looks_back and (struck or is_struck(c, work, share, True)):
         for i in range(share.first, share.last):
             forget(c.memory, i)
 
 
-def presses_otherwise(c: Any, s: Any, share: Any) -> bool:
-    """Whether some of what colliders hold back is pressed, or pulled along them, otherwise than in the step before: it has
-    just come, or may soon leave. A method that looks back would go on as if it did not."""
-    some = False
-    for i in range(share.first, share.last):
-        if s.held[i] != FREE:
-            change, size = c.x[i] - c.x[i], c.x[i] - c.x[i]
-            for k, pull in enumerate(c.memory[3:6]):
-                change += (pull[i] - s.wall[BEFORE + k, i]) ** 2
-                size += pull[i] * pull[i]
-            some = some | (change > type_of(size, STEADY * STEADY) * size)
-    return bool(some)
+def is_struck(c: Any, work: Any, share: Any, whole: bool) -> bool:
+    """Whether colliders give what is coupled another push than in the step before, by a part of what moves in it: those
+    particles that they have just caught, or the `whole` of it. A method that looks back would go on as if they did not."""
+    s, before = work.system, work.before
+    for lo in range(share.first, share.last, share.chunk):
+        px, py, pz, mass, motion, push = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(lo, min(lo + share.chunk, share.last)):
+            if (s.free[i] > 0) | (s.held[i] != FREE):
+                m = float(s.inertia[i])
+                x = float(c.vx[i] - before[3, i] - s.wall[BEFORE, i])
+                y = float(c.vy[i] - before[4, i] - s.wall[BEFORE + 1, i])
+                z = float(c.vz[i] - before[5, i] - s.wall[BEFORE + 2, i])
+                u, v, w = float(before[3, i]), float(before[4, i]), float(before[5, i])
+                motion += m * (u * u + v * v + w * w)
+                px, py, pz, mass = px + m * x, py + m * y, pz + m * z, mass + m
+                push += m * (x * x + y * y + z * z) if s.held[i] == CAUGHT else 0.0
+        for k, each in enumerate((px, py, pz, mass, motion, push)):
+            s.partial[k, lo // share.chunk] = each
+    meet(share.gate, share.threads)
+    px, py, pz = summed(s.partial, 0), summed(s.partial, 1), summed(s.partial, 2)
+    mass, motion, push = summed(s.partial, 3), summed(s.partial, 4), summed(s.partial, 5)
+    meet(share.gate, share.threads)
+    if whole:
+        return bool(px * px + py * py + pz * pz > STEADY * STEADY * mass * motion)
+    return bool(push > STEADY * STEADY * motion)
 
 
 def solve_with_friction(

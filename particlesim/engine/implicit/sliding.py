@@ -79,22 +79,6 @@ def free_along(method: Any, part: Any, c: Any, work: Any, share: Any, t: Any, en
                     let_slide(c, s, i, n, slide, rubs, reach)
 
 
-@outlined
-def turned(part: Any, c: Any, work: Any, share: Any, h: Any) -> bool:
-    """Whether a collider has given another velocity to some particles of a group in a share that it has met, as by landing
-    or rebound, not only as their ways bend."""
-    struck = False
-    for i in range(max(share.first, part.first), min(share.last, part.last)):
-        if work.system.held[i] == CAUGHT:
-            change, speed = h - h, h - h
-            for k, column in enumerate((c.vx, c.vy, c.vz)):
-                change += (column[i] - work.before[3 + k, i]) ** 2
-                speed += work.before[3 + k, i] ** 2
-            slack = touching(part.contacts, fetch(c, i, h - h))
-            struck = struck | ((h * h * change > slack * slack) & (change > type_of(h, BEND * BEND) * speed))
-    return bool(struck)
-
-
 def is_reversible(method: Any) -> bool:
     """Whether a method keeps energy: one by forces in the middle of the step, or at both ends, not at its end alone."""
     return bool(method.middle | (method.slope != 0))

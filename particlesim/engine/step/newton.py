@@ -27,8 +27,7 @@ HALVINGS = 6
 
 
 class Equation(NamedTuple):
-    """Residual V − V₀ − γ h a [m/s] (h a in a first step), −1 times its derivative by V beyond the unit matrix, and the part
-    of it by position."""
+    """Residual V − V₀ − γ h a [m/s], −1 times its derivative by V beyond the unit matrix, and the part of it by position."""
 
     residual: tuple[float, float, float]
     slope: tuple[float, ...]
@@ -36,13 +35,12 @@ class Equation(NamedTuple):
 
 
 class Start(NamedTuple):
-    """X₀, V₀, the first guess of V; for how long V takes X₀ to X, and for how long the acceleration there V₀ to V: γ h."""
+    """X₀, V₀, the first guess of V, and γ h: how long V takes X₀ to X, and the acceleration there V₀ to V."""
 
     x: tuple[float, float, float]
     v: tuple[float, float, float]
     guess: tuple[float, float, float]
     reach: float
-    push: float
 
 
 class Solution(NamedTuple):
@@ -100,8 +98,7 @@ def recollected(memory: Any, p: Any, q: Any, h: Any) -> Any:
 def start(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) -> Any:
     """X₀ and V₀ of a step, and the first guess."""
     if isinstance(dynamics, Newtonian) and method.slope is None and method.past is None:
-        reach = method.gamma * h
-        return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz), reach, reach)
+        return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (p.vx, p.vy, p.vz), method.gamma * h)
     if method.slope is not None:
         r, k = derivative(dynamics, forces, p), method.slope * h
         return Start(
@@ -109,30 +106,23 @@ def start(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) 
             (p.vx + k * r.vx, p.vy + k * r.vy, p.vz + k * r.vz),
             (r.x, r.y, r.z),
             method.gamma * h,
-            method.gamma * h,
         )
-    r = derivative(dynamics, forces, p)
     if method.past is None:
-        reach = method.gamma * h
-        return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (r.x, r.y, r.z), reach, reach)
-    # A first step is one of a method of one step: V = v + h a(X), X = x + ½ h (v + V), as in `implicit.kernel.begun`.
-    k, half, none = method.past, type_of(h, 0.5) * h, h - h
+        r = derivative(dynamics, forces, p)
+        return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (r.x, r.y, r.z), method.gamma * h)
+    # A first step is by the trapezoidal rule, which gives no energy to a spring however stiff, as a past under the present
+    # force would: (ω h)² / 16 times what there is.
+    r, k, half = derivative(dynamics, forces, p), method.past, type_of(h, 0.5) * h
     dx, dy, dz, ux, uy, uz, known = memory
     go_on = (known == h) & (known > 0)
+    dx, ux = k * dx if go_on else half * r.x, k * ux if go_on else half * r.vx
+    dy, uy = k * dy if go_on else half * r.y, k * uy if go_on else half * r.vy
+    dz, uz = k * dz if go_on else half * r.z, k * uz if go_on else half * r.vz
     return Start(
-        (
-            p.x + (k * dx if go_on else half * r.x),
-            p.y + (k * dy if go_on else half * r.y),
-            p.z + (k * dz if go_on else half * r.z),
-        ),
-        (
-            p.vx + (k * ux if go_on else none),
-            p.vy + (k * uy if go_on else none),
-            p.vz + (k * uz if go_on else none),
-        ),
+        (p.x + dx, p.y + dy, p.z + dz),
+        (p.vx + ux, p.vy + uy, p.vz + uz),
         (r.x, r.y, r.z),
         method.gamma * h if go_on else half,
-        method.gamma * h if go_on else h,
     )
 
 
@@ -140,7 +130,7 @@ def equation(dynamics: Any, forces: Any, p: Any, s: Any) -> Any:
     """The equations of a step at a particle's position and velocity."""
     if isinstance(dynamics, Newtonian):
         fx, fy, fz = force(forces, p)
-        k = s.push * p.w
+        k = s.reach * p.w
         by_place = scaled_sum(k, force_dx(forces, p), k - k, force_dx(forces, p))
         slope = scaled_sum(s.reach, by_place, k, force_dv(forces, p))
         u, v, w = s.v
