@@ -304,8 +304,8 @@ def one_step(name: str, laws: Any, x: float, v: float, h: float) -> NDArray[Any]
 @pytest.mark.parametrize("law", ["spring", "pendulum"])
 def test_symplectic_methods_keep_areas(name: str, law: str) -> None:
     # det ∂(x', v')/∂(x, v) = 1 for symplectic maps; 1 + ω²h² or 1 + O(h⁴) for the others. For a linear force
-    # the trapezoidal rule is the midpoint rule.
-    if (name, law) == ("trapezoidal", "spring"):
+    # the trapezoidal rule, by which bdf2 begins, is the midpoint rule.
+    if name in ("trapezoidal", "bdf2") and law == "spring":
         return
     laws = forces(spring=1.0) if law == "spring" else forces(pendulum=1.0)
     d, h = 1e-4, 0.4
