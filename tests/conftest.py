@@ -58,7 +58,7 @@ def _name(item: pytest.Item) -> str:
     return item.nodeid.partition("[")[0]
 
 
-GRIDS = ((12, 6), (8, 5), (6, 4), (3, 2))
+GRIDS = ((12, 8), (8, 6), (4, 3), (3, 2))
 """Of so many cases of a test of physics, and more, one in so many runs: each compiles kernels of its own."""
 
 

@@ -21,7 +21,7 @@ KINDS = [
 ]
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("kind", KINDS)
 def test_stopped_twice_and_resumed(tmp_path, resume, whole, kind):
     scenario = ps.from_table(resume.kinds[kind])
