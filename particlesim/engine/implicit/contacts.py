@@ -33,12 +33,12 @@ from particlesim.engine.state.columns import in_step, type_of
 from particlesim.engine.state.prescribed import drive
 from particlesim.engine.step.contacts import Simple
 
-STEADY, LONG = 2.0**-4, 0.7
-"""By what part of what is coupled colliders may push it otherwise than in the step before, and what `SOFT` is where a step
-is so long for springs that looking back beyond such a push gives energy: ω h is 1."""
-SOFT = 0.97
-"""What a particle moves under a force over what it would without its springs, up to which they are stiff: 1/(1 + (ω h)²/4)
-by methods that keep energy."""
+STEADY = 2.0**-4
+"""By what part of the motion in what is coupled colliders may push it otherwise than in the step before."""
+SOFT, LONG = 0.03, 0.5
+"""By what part springs shorten the way of a particle under a force in a step, all axes together, from which on they are
+stiff, by methods that keep energy, and from which on a step is so long for them that looking back beyond a push gives
+energy. A single spring does it by (ω h)²/4 and 4/9 (ω h)² over 1 and that."""
 ROUNDS = 3
 """How often it is looked for what is hit as others are held, at most."""
 TURNS = 10
@@ -68,11 +68,11 @@ def around(parts: Any, work: Any, share: Any) -> bool:
 
 
 def stiff(s: Any, share: Any, part: float) -> bool:
-    """Whether some particle moves by less than a part of what it would without its springs under a force in the step."""
+    """Whether springs shorten the way of some particle under a force in the step by more than a part."""
     some = False
     for i in range(share.first, share.last):
         trace = s.block[0, i] + s.block[1, i] + s.block[2, i]
-        some = some | ((s.free[i] > 0) & (s.inertia[i] * trace < type_of(trace, 3) * type_of(trace, part)))
+        some = some | ((s.free[i] > 0) & (type_of(trace, 3) - s.inertia[i] * trace > type_of(trace, part)))
     return bool(some)
 
 
@@ -115,26 +115,40 @@ def solve_around(
 
 
 def is_struck(c: Any, work: Any, share: Any, whole: bool) -> bool:
-    """Whether colliders give what is coupled another push than in the step before, by a part of what moves in it: those
-    particles that they have just caught, or the `whole` of it. A method that looks back would go on as if they did not."""
+    """Whether colliders give what is coupled another push than in the step before, by a part of the motion in it, less that
+    of all: those particles that they have just caught, or the `whole` of it. A method that looks back would go on as if
+    they did not."""
     s, before = work.system, work.before
     for lo in range(share.first, share.last, share.chunk):
-        px, py, pz, mass, motion, push = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        px, py, pz, mass = 0.0, 0.0, 0.0, 0.0
+        for i in range(lo, min(lo + share.chunk, share.last)):
+            if (s.free[i] > 0) | (s.held[i] != FREE):
+                m = float(s.inertia[i])
+                u, v, w = float(before[3, i]), float(before[4, i]), float(before[5, i])
+                px, py, pz, mass = px + m * u, py + m * v, pz + m * w, mass + m
+        for k, each in enumerate((px, py, pz, mass)):
+            s.partial[k, lo // share.chunk] = each
+    meet(share.gate, share.threads)
+    mass = summed(s.partial, 3)
+    mx, my, mz = summed(s.partial, 0) / mass, summed(s.partial, 1) / mass, summed(s.partial, 2) / mass
+    meet(share.gate, share.threads)
+    for lo in range(share.first, share.last, share.chunk):
+        px, py, pz, motion, push = 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(lo, min(lo + share.chunk, share.last)):
             if (s.free[i] > 0) | (s.held[i] != FREE):
                 m = float(s.inertia[i])
                 x = float(c.vx[i] - before[3, i] - s.wall[BEFORE, i])
                 y = float(c.vy[i] - before[4, i] - s.wall[BEFORE + 1, i])
                 z = float(c.vz[i] - before[5, i] - s.wall[BEFORE + 2, i])
-                u, v, w = float(before[3, i]), float(before[4, i]), float(before[5, i])
+                u, v, w = float(before[3, i]) - mx, float(before[4, i]) - my, float(before[5, i]) - mz
                 motion += m * (u * u + v * v + w * w)
-                px, py, pz, mass = px + m * x, py + m * y, pz + m * z, mass + m
+                px, py, pz = px + m * x, py + m * y, pz + m * z
                 push += m * (x * x + y * y + z * z) if s.held[i] == CAUGHT else 0.0
-        for k, each in enumerate((px, py, pz, mass, motion, push)):
+        for k, each in enumerate((px, py, pz, motion, push)):
             s.partial[k, lo // share.chunk] = each
     meet(share.gate, share.threads)
     px, py, pz = summed(s.partial, 0), summed(s.partial, 1), summed(s.partial, 2)
-    mass, motion, push = summed(s.partial, 3), summed(s.partial, 4), summed(s.partial, 5)
+    motion, push = summed(s.partial, 3), summed(s.partial, 4)
     meet(share.gate, share.threads)
     if whole:
         return bool(px * px + py * py + pz * pz > STEADY * STEADY * mass * motion)

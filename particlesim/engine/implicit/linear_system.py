@@ -57,7 +57,7 @@ class System(NamedTuple):
     at its end [6, n], and `missed`: how many colliders they had passed unseen before [n] (`contacts`); `residual` r,
     `solution` δ, and work of the solver; `springs`: w and q of every slot [4, slots], for every set; `forms`: what the other
     interactions of a thread keep of their linearisation; `pull`: scratch of a thread [8, chunk], and `lanes` for its sums;
-    `partial`: sums of chunks [6, chunks]; `flags`; `report`: how the last step ended, its relative residual, its Newton and
+    `partial`: sums of chunks [5, chunks]; `flags`; `report`: how the last step ended, its relative residual, its Newton and
     linear iterations, and how small the residual of the first solution had to be (`solution.GOAL`).
     """
 
@@ -121,7 +121,7 @@ def new_system(bonds: Sequence[Bonds], place: NDArray[Any], dtype: Any) -> Syste
         forms=(),
         pull=np.zeros((8, chunk), dtype),
         lanes=np.zeros(LANES),
-        partial=np.zeros((6, -(-count // chunk))),
+        partial=np.zeros((5, -(-count // chunk))),
         flags=np.zeros(FLAGS * -(-count // chunk), np.int64),
         report=np.zeros(6),
     )

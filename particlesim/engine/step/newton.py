@@ -111,18 +111,19 @@ def start(method: Any, dynamics: Any, forces: Any, p: Any, h: Any, memory: Any) 
         r = derivative(dynamics, forces, p)
         return Start((p.x, p.y, p.z), (p.vx, p.vy, p.vz), (r.x, r.y, r.z), method.gamma * h)
     # A first step is by the trapezoidal rule, which gives no energy to a spring however stiff, as a past under the present
-    # force would: (ω h)² / 16 times what there is.
-    r, k, half = derivative(dynamics, forces, p), method.past, type_of(h, 0.5) * h
+    # force would: (ω h)² / 16 times what there is. Without inertia such a past gives none, and damps what is stiff.
+    r, k = derivative(dynamics, forces, p), method.past
+    first = type_of(h, 0.5 if isinstance(dynamics, Newtonian) else 1 / 3) * h
     dx, dy, dz, ux, uy, uz, known = memory
     go_on = (known == h) & (known > 0)
-    dx, ux = k * dx if go_on else half * r.x, k * ux if go_on else half * r.vx
-    dy, uy = k * dy if go_on else half * r.y, k * uy if go_on else half * r.vy
-    dz, uz = k * dz if go_on else half * r.z, k * uz if go_on else half * r.vz
+    dx, ux = k * dx if go_on else first * r.x, k * ux if go_on else first * r.vx
+    dy, uy = k * dy if go_on else first * r.y, k * uy if go_on else first * r.vy
+    dz, uz = k * dz if go_on else first * r.z, k * uz if go_on else first * r.vz
     return Start(
         (p.x + dx, p.y + dy, p.z + dz),
         (p.vx + ux, p.vy + uy, p.vz + uz),
         (r.x, r.y, r.z),
-        method.gamma * h if go_on else half,
+        method.gamma * h if go_on else h - first,
     )
 
 
