@@ -6,7 +6,7 @@ import pytest
 from fuzz.fuzz_bodies_on_grains import CALM, alone, broken_rules, draw, worst_of
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("number", [12, 14, 113, 149])
 def test_no_body_sinks_into_grains_and_nothing_gains_energy(number: int) -> None:
     scenario, name = draw(number, duration=0.3)

@@ -43,7 +43,7 @@ def test_nothing_is_inside_of_a_box_that_moves() -> None:
     assert steps > 5e3
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("seed", "particles", "scene", "among"),
     [

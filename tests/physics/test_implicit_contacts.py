@@ -60,7 +60,7 @@ BALL = {"type": "sphere", "center": [0, 0.5, 0], "radius": 0.4}
 TABLE = {"type": "box", "center": [0, 0.4, 0], "size": [0.5, 1, 0.5]}
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("method", "restitution", "gain"),
     [
