@@ -11,6 +11,7 @@ from particlesim.engine.islands.rigid import RigidIsland
 from particlesim.engine.simulation import Simulation
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("scene", "numbers"),
     [
@@ -32,6 +33,12 @@ def test_who_is_hit_in_a_heap_that_has_settled_gains_nothing() -> None:
     # Found by the fuzz: where all lay, the method was taken for one whose velocities are late, and one that lay got half of
     # the fall of a step as a hop.
     assert broken_rules(worst_of(draw(12, "box", 0.0), 20)) == []
+
+
+def test_swift_grains_may_add_no_more_than_those_at_rest() -> None:
+    # Found by the fuzz: what turns may add at rest was a part of what impulses change, and as large a part of those at
+    # 700 m/s between three grains that slide around in a sphere, 118 of 4.5·10⁶ J.
+    assert worst_of(draw(1054), 9).gain < 1e-9
 
 
 @pytest.mark.slow

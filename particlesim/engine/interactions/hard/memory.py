@@ -48,10 +48,14 @@ from particlesim.engine.interactions.hard.turns import give_pair
 from particlesim.engine.interactions.hard.walls import push_at_wall, roll_at_wall, turn_at_wall
 from particlesim.engine.interactions.interaction import Ints
 from particlesim.engine.state.columns import type_of
+from particlesim.engine.step.crossing import EPSILON
 from particlesim.engine.step.rubbing import STILL
 
 UNNOTICED = 3e-4
-"""What may be added in a step, as a part of what all impulses would add one by one: as much as turns leave."""
+"""What may be added in a step, as a part of what impulses would add one by one that are at rest, and of swifter ones as much
+as at rest: as much as turns leave."""
+NOISE = 8
+"""In units of rounding, the part of the energy of motion that is none that has been added."""
 
 
 class Known(NamedTuple):
@@ -298,8 +302,9 @@ def start(each: Any, c: Any, walls: Any) -> None:
 
 
 @outlined
-def sum_gains(each: Any, c: Any) -> None:
-    """Sum up, in each cluster, what impulses have added to the energy of motion, and what all would add one by one."""
+def sum_gains(each: Any, c: Any, unnoticed: Any) -> None:
+    """Sum up, in each cluster, what impulses have added to the energy of motion, but for an unnoticed part of what those at
+    rest would add one by one and for rounding, and what all would."""
     mark, s, cluster = each.bench.mark, each.bench.start, each.bench.desk.cluster
     for i in range(mark.size):
         if (mark[i] & PAIRED) != 0:
@@ -307,31 +312,35 @@ def sum_gains(each: Any, c: Any) -> None:
     for i in range(mark.size):
         if ((mark[i] & PAIRED) != 0) & (each.a[i] > 0):
             at, m, gain, square = root(cluster, i), 1.0 / float(each.a[i]), 0.0, 0.0
+            rest, noise, had = REST * float(each.bench.change[at]), NOISE * EPSILON[type(c.x[0])], 0.0
             for axis, now in enumerate((c.vx, c.vy, c.vz)):
                 change = float(now[i]) - s[axis, i]
                 gain += change * (s[axis, i] + 0.5 * change)
                 square += change * change
+                had += s[axis, i] * s[axis, i]
             if c.spin is not None:
                 inertia = 0.4 * float(c.r[i]) * float(c.r[i])
                 for axis, now in enumerate((c.spin.wx, c.spin.wy, c.spin.wz)):
                     change = float(now[i]) - s[TURN + axis, i]
                     gain += inertia * change * (s[TURN + axis, i] + 0.5 * change)
                     square += inertia * change * change
+                    had += inertia * s[TURN + axis, i] * s[TURN + axis, i]
+            gain -= unnoticed * min(square, rest * rest) + noise * (had + square)
             s[GAIN, at] += m * gain
             s[SQUARE, at] += m * square
 
 
 @outlined
 def take_back(each: Any, c: Any, walls: Any, unnoticed: Any) -> None:
-    """Scale impulses in clusters to which they have added energy, but for an unnoticed part of what they would add one by
-    one."""
+    """Scale impulses in clusters to which they have added energy, but for an unnoticed part of what those at rest would add
+    one by one."""
     mark, s, some = each.bench.mark, each.bench.start, False
-    sum_gains(each, c)
+    sum_gains(each, c, unnoticed)
     for i in range(mark.size):  # of those that stand for a cluster: the part of impulses that stays
         if (mark[i] & PAIRED) != 0:
             gain, square = s[GAIN, i] - s[WORK, i], s[SQUARE, i]
-            adds = gain > unnoticed * square
-            s[GAIN, i] = max(1.0 - 2.0 * (gain / square - unnoticed), 0.0) if adds else 1.0
+            adds = gain > 0
+            s[GAIN, i] = max(1.0 - 2.0 * gain / square, 0.0) if adds else 1.0
             s[WORK, i] *= s[GAIN, i]
             some = some | adds
     if some:
