@@ -165,6 +165,7 @@ def _with_seed(seed: int) -> str:
     return dump(scenario("symplectic_euler")).replace("seed = 42", f"seed = {seed}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     [
@@ -210,7 +211,7 @@ BOWL = {
 TABLE = {"type": "box", "center": [0, -0.5, 0], "size": [4, 1, 4], "restitution": 0.2, "friction": 0.5}
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(15)
 @pytest.mark.parametrize("ground", [{"type": "plane", "restitution": 0.2, "friction": 0.5}, TABLE, BOWL])
 @pytest.mark.parametrize(
     "wakes",

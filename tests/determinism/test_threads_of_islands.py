@@ -136,6 +136,7 @@ def test_any_number_of_threads_leaves_the_same_bytes(method: str, precision: str
         assert [name for name, value in reference.items() if other[name] != value] == [], f"{threads} threads"
 
 
+@pytest.mark.slow
 def test_a_run_that_diverges_stops_at_the_same_place_for_any_number_of_threads() -> None:
     scenario = island("symplectic_euler", "single", structural=3e9)  # whose kernel another test needs, too
     messages = []
@@ -148,7 +149,7 @@ def test_a_run_that_diverges_stops_at_the_same_place_for_any_number_of_threads()
     assert messages[0] == messages[1]
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(17)
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "whfast"])
 def test_forces_are_those_of_one_spring_after_another(method: str) -> None:
     # The kernel against the formula in NumPy; the sums are in another order, of a few dozen terms.

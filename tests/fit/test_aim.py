@@ -72,6 +72,7 @@ def test_wind_from_the_side_is_allowed_for(ball):
 STEEP = {"simulation.duration": 3.2, "particles.ball.layout.velocity": [[0, 5, 0]]}
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(
     ("target", "elevations"),
     [
@@ -93,6 +94,7 @@ def test_steep_shots(ball, target, elevations):
     assert [shot.azimuth for shot in found.shots] == pytest.approx([0] * len(elevations), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_shot_that_the_wind_turns_round(ball):
     """Against a storm a ball launched away from the target is blown back over it."""
     storm = {
@@ -153,6 +155,7 @@ def test_what_cannot_be_aimed(ball, group, target, overrides, words):
         aim(ball, group, target, overrides=overrides)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "place",
     [

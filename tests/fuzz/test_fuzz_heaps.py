@@ -6,7 +6,7 @@ import pytest
 from fuzz.fuzz_heaps import broken_rules, draw, found_in
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("number", [1, 26, 49, 73, 96, 132])
 def test_no_heap_comes_above_the_energy_that_it_began_with(number: int) -> None:
     scenario, name = draw(number)

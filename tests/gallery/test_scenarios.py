@@ -155,6 +155,7 @@ def landing(mass: float, radius: float, velocity: NDArray[Any], height: float, d
     return float(solve_ivp(rate, (0, 20), start, "DOP853", events=ground, rtol=1e-11, atol=1e-11).y[0, -1])
 
 
+@pytest.mark.slow
 def test_drag_shortens_the_throw() -> None:
     # RK4 with h ω ~ 0.002 · g/v_t: 1e-10 of the way; the reference is as good.
     result = run("projectile_drag")
@@ -168,6 +169,7 @@ def test_drag_shortens_the_throw() -> None:
     assert found[2] < 0.2 * found[1] < 0.2 * found[0]
 
 
+@pytest.mark.slow
 def test_fountain_keeps_ten_thousand_drops_in_the_air_and_above_the_basin() -> None:
     result = run("fountain")
     final, scenario = result.final, result.scenario
@@ -183,6 +185,7 @@ def test_fountain_keeps_ten_thousand_drops_in_the_air_and_above_the_basin() -> N
     assert final.position[:, 1].max() < 0.05 + fastest**2 / (2 * G)
 
 
+@pytest.mark.slow
 def test_beads_sink_with_their_terminal_velocity() -> None:
     # v = v_t tanh(g' t / v_t) with g' = g (1 − ρ_f/ρ_s) and v_t² = 8 r ρ_s g' / (3 ρ_f c_d), still on their way at 1.2 s.
     # With τ = g' h / v_t < 0.02 for the smallest, RK4 errs by less than τ⁵ a step of v_t, and forgets it.
@@ -207,6 +210,7 @@ def test_balls_float_as_deep_as_they_are_heavy() -> None:
         assert r - y == pytest.approx([h], abs=1e-10)
 
 
+@pytest.mark.slow
 def test_elastic_walls_keep_the_energy_and_the_balls() -> None:
     # Velocity Verlet keeps ½ m v² + m g y exactly under gravity, and an elastic impact at its exact moment changes nothing:
     # what is left is rounding, some ten operations in each of 2400 steps, and adds up like a random walk.
@@ -219,6 +223,7 @@ def test_elastic_walls_keep_the_energy_and_the_balls() -> None:
     assert np.all(final.position + r <= high + 1e-12)
 
 
+@pytest.mark.slow
 def test_tracers_circle_and_grains_leave_the_vortex(tmp_path: Path) -> None:
     # Tracers: ρ constant, angle ω(ρ) t with ω = Γ/2πρ² (1 − e^(−ρ²/a²)), clockwise seen from −y. RK4: N (ωh)⁵/120.
     # Grains: m (v_ρ' − v_θ²/ρ) = −k v_ρ, so they drift outwards with v_ρ = τ (v_θ²/ρ − v_ρ'); far out, where v_ρ falls as
@@ -330,6 +335,7 @@ def test_a_cold_ball_collapses_in_the_time_of_free_fall() -> None:
     assert "multipoles" in result.methods["gravity"]
 
 
+@pytest.mark.slow
 def test_tides_draw_a_tail_from_the_disc_that_turns_with_the_other_galaxy() -> None:
     # A fiftieth of the bodies. The disc that turns against it is drawn less.
     parts = ("near_stars", "near_halo", "far_stars", "far_halo")

@@ -52,6 +52,7 @@ def test_the_cradle_hands_the_speed_on() -> None:
     assert final.position[balls][:-1, 0] == pytest.approx(np.array(start)[:, 0][1:] - 0.1002, abs=0.02)
 
 
+@pytest.mark.slow
 def test_the_bridge_holds_until_it_breaks(tmp_path: Path) -> None:
     path = tmp_path / "bridge.vtkhdf"
     result = ps.run(shipped("bridge_collapse"), path)

@@ -56,7 +56,7 @@ def fallen(
     )
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler", "stormer_verlet"])
 @pytest.mark.parametrize(("sides", "friction"), [(4, 0.0), (4, 0.4)])
 def test_marbles_in_the_tip_of_a_pyramid_come_to_rest_to_the_last_bit(
@@ -110,6 +110,7 @@ def test_what_is_pulled_ever_so_little_goes_off(part: float) -> None:
     assert x[-1] == pytest.approx(np.full(2, 0.5 * part * G * 2.0**2), rel=2e-3)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("steps", [20, 40])
 def test_what_is_shaken_goes_as_far_as_free(steps: int) -> None:
     """By a force that changes with time, to and fro: put to rest at any time, it would drift from then on."""
@@ -136,6 +137,7 @@ def test_what_creeps_goes_on() -> None:
     assert x[-1, :, 0] - x[-11, :, 0] == pytest.approx(np.full(2, mass * G * n[0] * n[1] / honey), rel=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("height", "steps"), [(1e-5, 600), (4e-3, 24), (4e-3, 60)])
 def test_what_swings_swings_on(height: float, steps: int) -> None:
     """Two that touch in a trough, as far as 10⁻⁵ m from its middle, where the speed is 0.01 g h. They come back once in each

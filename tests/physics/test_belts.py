@@ -44,6 +44,7 @@ ROUNDING = 1e5 * np.finfo(float).eps * TIME * TIME / M
 """What roundings of places, in springs of 1e5 N/m, do to a velocity meanwhile [m/s]; a spring of Hertz is softer."""
 
 
+@pytest.mark.sampled(2)
 @SOFT
 def test_a_soft_grain_that_goes_with_a_belt_goes_on(law: dict[str, Any]) -> None:
     velocity, turn = motion(on_floor(law, BELT, BELT))
@@ -51,6 +52,7 @@ def test_a_soft_grain_that_goes_with_a_belt_goes_on(law: dict[str, Any]) -> None
     assert np.abs(turn).max() < 10 * ROUNDING
 
 
+@pytest.mark.sampled(2)
 @SOFT
 def test_a_belt_is_a_floor_at_rest_seen_from_another_frame(law: dict[str, Any]) -> None:
     there = motion(on_floor(law, (0, 0, 0), BELT))

@@ -241,6 +241,7 @@ def final(simulation: Simulation) -> list[np.ndarray]:
     ] + list(simulation.broke().values())
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize(
     "method", [*METHODS, pytest.param("ias15", marks=[pytest.mark.optimised, pytest.mark.slow])]
 )
@@ -270,7 +271,7 @@ def test_threads_and_checkpoints_change_no_bit(method: str, monkeypatch: pytest.
         each.close()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method", ["velocity_verlet", "rk45", pytest.param("implicit_midpoint", marks=pytest.mark.slow)]
 )

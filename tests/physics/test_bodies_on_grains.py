@@ -45,6 +45,7 @@ def scene(e: float = 0.0, friction: float = 0.5, **other: Any) -> dict[str, Any]
     }
 
 
+@pytest.mark.sampled(18)
 @pytest.mark.parametrize("h", [2.5e-4, H, 5e-3])
 @pytest.mark.parametrize("density", [50.0, 500.0, 20e3])
 @pytest.mark.parametrize("e", [0.0, 0.6])
@@ -57,6 +58,7 @@ def test_a_box_on_grains_on_a_floor_rests(e: float, density: float, h: float) ->
     assert np.abs(speeds[-1]).max() < 1e-6 * G * h
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["symplectic_euler", "stormer_verlet", "rk4"])
 def test_it_rests_with_any_method(name: str) -> None:
     places, speeds = way(1000, 1.0, H, name, **scene())
@@ -64,6 +66,7 @@ def test_it_rests_with_any_method(name: str) -> None:
     assert np.abs(speeds[-1]).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_grains_that_do_not_touch_each_other_carry_a_box() -> None:
     between = {"type": "contact", "between": ["sand", "box"], "model": "impulse"}
     places, _ = way(1000, 1.0, H, "velocity_verlet", **scene(interactions=[between]))
@@ -87,6 +90,7 @@ def slit(layers: int, name: Any = lambda row: "sand") -> dict[str, Any]:
     }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("layers", [2, 6])
 def test_a_box_on_columns_of_grains_rests(layers: int) -> None:
     places, speeds = way(500, 0.5, H, "velocity_verlet", **scene(**slit(layers)))
@@ -94,6 +98,7 @@ def test_a_box_on_columns_of_grains_rests(layers: int) -> None:
     assert np.abs(speeds[-1]).max() < 1e-7
 
 
+@pytest.mark.slow
 def test_grains_of_groups_that_touch_no_body_carry_one() -> None:
     # The box touches the upper ones alone.
     given = slit(2, lambda row: ("lower", "upper")[row])
@@ -118,6 +123,7 @@ def test_a_box_rolls_down_a_slope_on_balls() -> None:
     assert speeds[-1, :-1, 0] == pytest.approx(np.full(n, 0.05 * a), rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.3, 2.0])
 @pytest.mark.parametrize("e", [0.0, 0.5])
 def test_what_falls_on_grains_comes_to_rest_on_them_and_gains_nothing(e: float, speed: float) -> None:
@@ -144,6 +150,7 @@ def test_a_plank_rebounds_from_grains_on_a_floor_as_from_the_floor(e: float, h: 
     assert apex == pytest.approx(0.1 * e * e, rel=4 * (G * h / v) ** 2 + 1e-5)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("density", [1e3, 2e4])
 def test_a_box_that_comes_down_on_an_edge_gains_nothing(density: float) -> None:
     turned = {"axis": [1, 0, 1], "angle": 20}
@@ -154,6 +161,7 @@ def test_a_box_that_comes_down_on_an_edge_gains_nothing(density: float) -> None:
     assert result.missed_crossings == 0
 
 
+@pytest.mark.slow
 def test_grains_may_die_below_a_box() -> None:
     # All of a group die in one step, in which it lies on them.
     trap = {
@@ -267,6 +275,7 @@ def test_what_was_lain_on_is_forgotten_once_nothing_touches() -> None:
     assert np.abs(sand.v[:, : sand.count]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_the_same_bits_after_a_stop_and_for_any_number_of_threads(monkeypatch: Any) -> None:
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)
     scenario = ps.from_table(table(0.2, H, **heap()))

@@ -36,7 +36,7 @@ SOLIDS: dict[str, tuple[dict[str, Any], float]] = {
 LEDGER = {"every": 1, "ledger": True}
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(9)
 @pytest.mark.parametrize("solid", SOLIDS)
 def test_a_ball_rests_at_the_height_of_its_contact_and_keeps_e_of_its_speed(
     solid: str, tmp_path: Path
@@ -65,6 +65,7 @@ def test_a_ball_rests_at_the_height_of_its_contact_and_keeps_e_of_its_speed(
     assert np.abs(top.position[0, [0, 2]]).max() < 1e-6
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "shape", [{"type": "sphere", "radius": R}, {"type": "capsule", "radius": R, "length": R}]
 )

@@ -130,7 +130,7 @@ def gas(shape: str, *, room: bool) -> Simulation:
     return Simulation(ps.from_table(table(400 * H, H, bodies=bodies, colliders=walls)))
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("room", [False, True])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_gas_of_elastic_bodies_keeps_what_there_is(shape: str, room: bool) -> None:

@@ -486,6 +486,7 @@ def test_a_cone_tumbles_over_a_mesh_without_a_gain(tmp_path: Path) -> None:
     assert rise[rise > 0].sum() < 0.003 * -rise[rise < 0].sum()
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("shape", [{"type": "cylinder"}, {"type": "capsule"}])
 @pytest.mark.parametrize("turn", [0.0, 0.4, 4.0])
 def test_a_log_lies_along_two_others(shape: dict[str, Any], turn: float) -> None:

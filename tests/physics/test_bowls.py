@@ -64,7 +64,7 @@ def test_a_bead_in_a_smooth_bowl_is_a_pendulum(container: str, method: str) -> N
         assert np.linalg.norm(x[-1] - x[0]) < R * (angle**3 / 10 if not late else angle**2)
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(32)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("container", ["bowl", "capsule", "cone", "pipe"])
 @pytest.mark.parametrize("h", [1e-3, 1e-2])
@@ -94,7 +94,7 @@ def test_the_end_of_a_pipe_takes_what_goes_along_it() -> None:
     assert energy[-1] == pytest.approx(energy[0] - 0.5, rel=1e-6)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("method", METHODS[1:])
 @pytest.mark.parametrize("container", ["bowl", "pipe"])
 @pytest.mark.parametrize("friction", [0.01, 0.1])
@@ -173,6 +173,7 @@ def test_what_circles_at_the_end_of_a_pipe_is_followed_at_once() -> None:
     assert (v**2).sum() / 2 + G * x[1] == pytest.approx(9 / 2 + G * R * np.sin(0.6), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.0, 2.9])
 @pytest.mark.parametrize("h", [2e-3, 8e-3])
 @pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler", "backward_euler"])

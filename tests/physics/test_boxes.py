@@ -147,6 +147,7 @@ def test_two_that_meet_across_the_boundary_are_the_shifted_pair(method: str) -> 
     assert not np.array_equal(b.final.image, a.final.image)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", ["direct", "neighbours"])
 def test_crossing_the_boundary_keeps_energy_and_momentum(method: str) -> None:
     rng = np.random.default_rng(4)

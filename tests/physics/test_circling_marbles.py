@@ -38,6 +38,7 @@ def go(
     return ps.run(ps.from_table(given))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
 def test_a_marble_that_others_might_hit_circles_in_a_funnel_as_one_that_none_can(method: str) -> None:
     """With symplectic Euler it lost all of its angular momentum in 2.5 s, as its way was followed with velocities that are
@@ -49,6 +50,7 @@ def test_a_marble_that_others_might_hit_circles_in_a_funnel_as_one_that_none_can
     assert one_of_many.ledger["angular_momentum.y"] == pytest.approx(-0.3 * 0.04 * 0.4, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dt", [2e-3, 5e-4])
 @pytest.mark.parametrize("count", [1, 5])
 def test_marbles_circle_on_the_floor_along_a_round_wall(count: int, dt: float) -> None:
@@ -62,6 +64,7 @@ def test_marbles_circle_on_the_floor_along_a_round_wall(count: int, dt: float) -
     assert run.ledger["kinetic"] == pytest.approx(run.ledger["kinetic"][0], rel=1e-3)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
 def test_marbles_that_swing_in_a_bowl_on_each_other_gain_nothing(method: str) -> None:
     """Seven that are let go above a bowl swing and circle as one. With symplectic Euler that motion grew by itself, to twice

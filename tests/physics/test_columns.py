@@ -98,6 +98,7 @@ def test_it_stands_on_a_lift(n: int, speed: float) -> None:
     rests(upright(n, speed), n, speed)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("friction", [0.0, 0.2])
 def test_a_row_on_a_slope_leans_on_its_end(friction: float) -> None:
     # Frictionless, or as rough as lets balls roll: either way the lowest carries all others along the slope.

@@ -270,6 +270,7 @@ def bits(simulation: Simulation) -> bytes:
     return b"".join(state.x.tobytes() + state.v.tobytes() for state in simulation.states)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("model", ["linear", "hertz"])
 def test_the_same_bits_with_any_threads_and_after_a_resume(model: str, monkeypatch: Any) -> None:
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 0)

@@ -69,7 +69,7 @@ def thrown(
     )
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(36)
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 @pytest.mark.parametrize("restitution", [0.0, 0.6, 1.0])
 @pytest.mark.parametrize("groove", GROOVES)
@@ -175,6 +175,7 @@ def test_what_slides_in_a_pit_comes_to_rest_at_its_bottom_alone(restitution: flo
     assert np.diff(ended.energy).max() < 100 * EPS * ended.energy[0]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 def test_what_lies_in_an_inclined_groove_by_formula_slides_down(friction: float, tmp_path: Path) -> None:
     # Both sides press with √2/2 g cos θ per mass: a = g (sin θ − √2 μ cos θ).
@@ -431,6 +432,7 @@ def test_what_slides_on_the_floor_of_a_room_glances_off_a_pillar(pillar: str, re
     np.testing.assert_allclose(np.linalg.norm(speeds[-1], axis=1), left, rtol=1e-6)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("floor", ["first", "last"])
 def test_a_bead_that_is_pressed_to_a_pillar_slides_around_it_with_its_energy(floor: str) -> None:
     """Whichever the file names first. The lift out of the pillar had been paid by the fall into the floor, too, which ends
@@ -471,6 +473,7 @@ ROOMS: dict[str, dict[str, Any]] = {
 """Rooms with a floor at y = -0.5 m and a wall at z = -0.5 m, each of one shape."""
 
 
+@pytest.mark.sampled(30)
 @pytest.mark.parametrize("room", ROOMS)
 @pytest.mark.parametrize(("radius", "touches"), [(0.0, False), (0.1, False), (0.1, True)])
 @pytest.mark.parametrize("e", [0.3, 1.0])

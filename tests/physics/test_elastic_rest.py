@@ -12,6 +12,7 @@ R = 0.01
 """Radius [m]."""
 
 
+@pytest.mark.sampled(48)
 @pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler", "rk4", "stormer_verlet"])
 @pytest.mark.parametrize("upper", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("floor", [0.0, 1.0])

@@ -30,6 +30,7 @@ def fall(masses: list[float], wall: dict[str, Any], height: float, h: float, met
     return x, v
 
 
+@pytest.mark.sampled(96)
 @pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler", "rk4"])
 @pytest.mark.parametrize(("height", "h"), [(0.02, 3.7e-3), (0.2, 3.7e-3), (0.1, 1e-3), (0.6, 1e-3)])
 @pytest.mark.parametrize("e", [0.3, 0.9])

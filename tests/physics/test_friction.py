@@ -240,6 +240,7 @@ def test_a_ball_slides_along_a_groove(opening: float, mu: float) -> None:
 # Islands of springs
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("integrator", ["velocity_verlet", "backward_euler"])
 def test_a_block_of_springs_slides_and_holds_as_a_rigid_one(integrator: str) -> None:
     angle, dt, t = 0.5, 2e-4, 0.3
@@ -349,6 +350,7 @@ def test_what_friction_nearly_holds_on_a_ball_does_not_creep_up(static: float, k
         before = energy
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", ["single", "double"])
 def test_a_table_that_shakes_is_left_behind(precision: str) -> None:
     """A ω² of 7.2 m/s² is more than μ g. In single precision a step sinks into 6 m by less than numbers are rounded, and
@@ -500,6 +502,7 @@ def test_what_rests_stays_to_the_last_bit(where: str, precision: str) -> None:
     simulation.close()
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("slope", [20.0, 45.0, 70.0])
 def test_a_ball_that_rolls_off_a_slope_is_rubbed_by_the_floor_alone(slope: float, first: int) -> None:

@@ -99,6 +99,7 @@ def test_a_ball_that_slides_ends_rolling_with_five_sevenths_of_its_speed(law: di
     assert R * spin(result)[0, 2] == pytest.approx(-5 / 7 * v, rel=1e-3)
 
 
+@pytest.mark.sampled(2)
 @SOFT
 def test_rolling_friction_stops_a_ball_after_its_way(law: dict[str, Any]) -> None:
     # a moment μ_r r N against rolling: m v' = −f, I ω' = f r − μ_r r N with v = ω r: v' = −5/7 μ_r g
@@ -403,6 +404,7 @@ def test_spin_has_the_same_bits_with_any_threads_in_any_order_and_after_a_resume
     assert one.states[0].angular_velocity.any()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_run_goes_on_with_the_same_bits_wherever_it_was_stopped(monkeypatch: Any, threads: int) -> None:
     # in the middle of an interval, between two laps of a piece: neighbour lists, too, go on as they were
@@ -437,6 +439,7 @@ def test_a_run_goes_on_with_the_same_bits_wherever_it_was_stopped(monkeypatch: A
     assert builds[0] == builds[1] == builds[2] > 1
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("overlap", ["relax", "keep"])
 def test_lists_that_had_no_room_give_the_same_bits(monkeypatch: Any, overlap: str) -> None:
     # the interval is made again with more: nobody forgets a contact. Grains that begin in each other fly apart, so that the
@@ -489,6 +492,7 @@ def test_a_wall_that_turns_takes_a_grain_along() -> None:
     assert np.abs(surface - wall).max() < 1e-3 * rate * shell
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", [pytest.param(LINEAR, marks=pytest.mark.slow), HERTZ], ids=["linear", "hertz"]
 )
@@ -515,6 +519,7 @@ def test_the_energy_stored_at_a_led_wall_is_that_of_where_it_is_now(law: dict[st
     assert np.abs(books["balance"]).max() < 1e-3 * books["kinetic"].max()
 
 
+@pytest.mark.slow
 def test_a_wall_that_throws_a_soft_grain_without_rebound_does_not_end_the_run() -> None:
     # its damper begins within a step, and the books of a method of first order know that roughly
     scenario = table(

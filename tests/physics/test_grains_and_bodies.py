@@ -114,7 +114,7 @@ def test_an_elastic_impact_keeps_the_energy_of_what_pulls(phase: float, side: fl
     assert np.abs(energy - energy[0]).max() <= 2 * most
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("h", [1e-3, 2e-3])
 def test_impacts_with_what_hangs_on_a_spring_give_no_energy(h: float) -> None:
     # A bead on a spring and an elastic ball that a wall throws back. Impulses shift the bead by Δv τ, which took k (Δv τ)²/2
@@ -141,6 +141,7 @@ def test_impacts_with_what_hangs_on_a_spring_give_no_energy(h: float) -> None:
     assert np.abs(energy / energy[0] - 1).max() < k / m * h**2
 
 
+@pytest.mark.slow
 def test_a_rope_that_is_hit_gains_energy_of_second_order_only() -> None:
     # Beads with axial springs of k on both sides are moved by Δv τ < 2 u h at an impact, which takes less than 2 k/2 of
     # the square of that. What the springs had done to their speed by then was not known: the first order of it was left.
@@ -169,6 +170,7 @@ def test_a_rope_that_is_hit_gains_energy_of_second_order_only() -> None:
     assert gained[0] < 2e-4  # 1.7e-3 J before, with either step
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("restitution", [1.0, 0.5])
 def test_a_grain_hops_on_a_box_as_high_as_its_restitution_says(restitution: float) -> None:
     # H eⁿ², whatever the phases of its impacts: they are met as fast as gravity has made it by then, not as at the beginning
@@ -268,6 +270,7 @@ def test_nothing_passes_through_bodies() -> None:
         assert np.isfinite(x).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", [3e-4, 2e-4, 1e-4])
 def test_a_cloth_holds_a_ball_that_comes_fast(h: float) -> None:
     """A ball at 8 m/s, which comes by more than half of the radius of the cloth's particles in the longest step, went
@@ -312,6 +315,7 @@ def test_what_lies_on_a_body_rests() -> None:
     assert np.abs(result.final["velocity"][1]).max() < 1e-9
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("h", [1e-3, 2e-3])
 @pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler", "rk4"])
 def test_what_is_pressed_onto_a_body_lies_on_its_surface_at_rest(method: str, h: float) -> None:
@@ -368,6 +372,7 @@ def test_a_body_that_grains_hit_between_walls_gains_nothing() -> None:
     assert energy[-1] < 0.15 * energy[0]
 
 
+@pytest.mark.slow
 def test_a_ball_of_sand_moves_a_box_and_keeps_momentum() -> None:
     sand = {
         "name": "sand",
@@ -399,6 +404,7 @@ def test_a_ball_of_sand_moves_a_box_and_keeps_momentum() -> None:
     assert (np.diff(result.ledger["kinetic"]) < 1e-3 * result.ledger["kinetic"][0]).all()
 
 
+@pytest.mark.slow
 def test_the_same_bits_after_a_stop_and_for_any_number_of_threads() -> None:
     heap = [[0.019 * i + 0.1, 0.019 * j + 0.21, 0.1] for i in range(3) for j in range(5)]
     soft = {"type": "contact", "on": ["grains"], "model": "linear", "stiffness": 1e4}
@@ -460,6 +466,7 @@ def test_particles_that_start_inside_of_bodies_are_told_with_their_depth() -> No
     assert "(id 1) in body 0 of 'body' by 0.03 m" in told
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     ("h", "off"), [(5e-4, 0.9), (2.5e-4, 0.15)]
 )  # 0.92 and 0.46 of the largest stable step

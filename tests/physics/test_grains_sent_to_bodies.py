@@ -186,6 +186,7 @@ def test_a_swift_grain_on_a_door_rebounds_as_its_hinge_says(mass: float, x: floa
     assert result.final["velocity"][0, 2] == pytest.approx(-60 * (0.5 - met) / (0.5 + met), rel=1e-6)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("mass", [5.0, 0.005])
 def test_a_box_on_the_ground_that_is_hit_stays_there(mass: float) -> None:
     # A light one had been moved by the impulse of the grain alone, to 2 m under the ground.
@@ -268,6 +269,7 @@ def cloud(mass: float, e: float, steps: int, n: int = 60, **law: Any) -> dict[st
     )
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
 def test_beads_on_springs_that_hit_a_body_keep_momentum(method: str) -> None:
     """Springs pull on at a bead that a body throws back within a step; where that was forgotten, action was no reaction."""
@@ -289,6 +291,7 @@ def test_beads_on_springs_that_hit_a_body_keep_momentum(method: str) -> None:
     assert np.array(result.final["velocity"])[:, 1].min() < -7.9  # they have met it
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [1.0, 0.5])
 @pytest.mark.parametrize("mass", [50.0, 2000.0])
 def test_a_cloud_about_a_body_gains_nothing_and_passes_nothing(e: float, mass: float) -> None:
@@ -334,6 +337,7 @@ def test_rolling_friction_gives_nothing_where_a_box_drives_grains_to_and_fro() -
     assert np.diff(energy).max() < 1e-5 * energy[0]
 
 
+@pytest.mark.slow
 def test_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: Any) -> None:
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 0)
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)

@@ -106,6 +106,7 @@ HOLDS = {
 }
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.sampled(1)  # each has its own way
 @pytest.mark.parametrize(
     ("container", "step", "restitution", "friction"),
@@ -196,6 +197,7 @@ def test_what_a_start_adds_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> Non
     assert max(energy) < energy[0] + 1e-6 * 0.5 * M * (G * DT) ** 2
 
 
+@pytest.mark.slow
 def test_a_heap_on_a_lift_rests_as_on_the_ground() -> None:
     # Laws are the same for who moves along, and what the floor does work on has not gained energy from nothing.
     speed, duration = 2.0, 4.0
@@ -364,6 +366,7 @@ def test_a_light_ball_rebounds_from_what_lies(layers: int, restitution: float) -
     assert 0.85 * alone < v < restitution * 2.0 * 1.02
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("little", ["PAIRS", "SIDES"])
 def test_contacts_without_room_make_their_interval_again(
     little: str, monkeypatch: pytest.MonkeyPatch
@@ -506,6 +509,7 @@ def test_grains_that_are_crushed_stay_where_they_are() -> None:
     simulation.close()
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet", "stormer_verlet"])
 @pytest.mark.parametrize("grains", [2, 5])
 def test_a_column_rests_whatever_way_a_method_moves_by_a_kick(grains: int, method: str) -> None:

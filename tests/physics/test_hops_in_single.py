@@ -119,7 +119,7 @@ def bound(speed: Any, ulp: float, dt: float, steps: int) -> Any:
     return speed * ulp / dt + 0.5 * (ulp / dt) ** 2 + 4 * G * ulp * np.sqrt(steps / 12)
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(38)
 @pytest.mark.parametrize(
     "method", ["velocity_verlet", pytest.param("symplectic_euler", marks=pytest.mark.slow)]
 )
@@ -148,7 +148,7 @@ def test_hops_on_what_is_large_gain_nothing(shape: str, inside: bool, method: st
     assert height.min() >= -2 * ulp
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.slow
 @pytest.mark.optimised
 @pytest.mark.parametrize(("shape", "drop", "dt"), [("box", 1e-3, 1e-4), ("plane", 1e-2, 1e-3)])
 def test_ten_thousand_hops_do_not_drift_up(shape: str, drop: float, dt: float) -> None:
@@ -194,6 +194,7 @@ def test_impacts_with_leaning_planes_keep_the_speed() -> None:
     assert abs(speed / 20 - 1) <= 4 * 2.0**-24 * np.sqrt(4000 / 6)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("speed", [1.0, 5.0, 20.0])
 @pytest.mark.parametrize("shape", ["cone", "cylinder"])
 def test_what_slides_around_a_rim_is_as_fast_as_in_double_precision(shape: str, speed: float) -> None:

@@ -130,6 +130,7 @@ def test_an_acceleration_may_pass_through_zero() -> None:
     assert r.final.position[0, 0] == pytest.approx(math.sin(10.0), abs=2e-14)
 
 
+@pytest.mark.slow
 def test_same_bits_for_any_number_of_threads() -> None:
     rng = np.random.default_rng(1)
     n = 9000

@@ -204,6 +204,7 @@ def dropped(*, restitution: float = 0.5, dt: float = 1e-3, **parts: Any) -> dict
     )
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("dt", [1e-3, 0.1])  # 0.1 s are 4 sizes of the die: it is swift
 def test_impacts_of_bodies_are_heard(dt: float) -> None:
     # It falls for √(2 h/g) = 0.4515 s, and comes down again after as long, and half of that. Of its four corners one counts.
@@ -244,6 +245,7 @@ def test_births_at_bodies_that_they_touch_are_refused() -> None:
         ps.from_table(dropped(interactions=[touch]))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("room", ["still", "moving"])
 def test_what_slides_into_another_side_of_a_shape_is_heard(room: str) -> None:
     # The ball slides on the floor of a box, whose hops are nothing, and hits its side at 2 m/s, within a step.

@@ -26,6 +26,7 @@ def grains(speed: float, name: str = "ball", at: float = 0.0) -> dict[str, Any]:
     return points((at, 0.0, 0.0), velocity=((speed, 0.0, 0.0),), name=name, radius=0.1, mass=2.0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("speed", [1.0, 100.0])
 def test_an_impact_of_two_grains_is_one_at_its_place_and_moment(speed: float) -> None:
     # A ball from 0 and one at rest at 1 touch after 0.8 m, at 0.9; the one with the lower id, the first, tells it: outward
@@ -73,6 +74,7 @@ def test_grains_and_bodies_hear_who_they_hit(kind: str, speed: float) -> None:
     assert thrown(kind, speed, sparks("die", "box", above=1.1 * speed)).born == 0
 
 
+@pytest.mark.slow
 def test_colliders_are_heard_as_before_unless_others_are_named() -> None:
     # A ball falls on a floor at 0.45 s, and another one on that, which lies there, at 0.64 s.
     stack = points((0.0, 1.1, 0.0), (0.0, 3.3, 0.0), name="ball", radius=0.1)
@@ -117,6 +119,7 @@ def test_what_lies_on_others_is_not_heard(kind: str, e: float) -> None:
     assert simulate(1.0, 0.01, emitters=[sparks("high low", "high low")], **parts).born == 0
 
 
+@pytest.mark.slow
 def test_threads_frames_and_checkpoints_do_not_matter() -> None:
     rng = np.random.default_rng(2)
     places = [(0.25 * i, 0.2 + 0.25 * j, 0.25 * k) for i in range(5) for j in range(5) for k in range(5)]

@@ -60,7 +60,7 @@ BALL = {"type": "sphere", "center": [0, 0.5, 0], "radius": 0.4}
 TABLE = {"type": "box", "center": [0, 0.4, 0], "size": [0.5, 1, 0.5]}
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize(
     ("method", "restitution", "gain"),
     [
@@ -90,7 +90,7 @@ def test_jelly_that_lands_on_the_floor_gains_nothing_and_lies(
     simulation.close()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("method", "stiffness", "h", "restitution", "friction", "along"),
     [
@@ -128,6 +128,7 @@ def test_stiff_jelly_gains_nothing_on_an_elastic_floor(method: str, stiffness: f
     assert (found - np.minimum.accumulate(found)).max() < (1e-3 if stiffness < 1e3 else 0.02)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", ["implicit_midpoint", "trapezoidal"])
 def test_books_do_not_stop_jelly_that_lands(method: str) -> None:
     # Its dampers were booked with 0.7 J more than they had taken, and the run was stopped for that as a gain.
@@ -179,7 +180,7 @@ def test_threads_and_stops_leave_no_trace(method: str) -> None:
     assert ends[0] == ends[1] == ends[2]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("part", [1.1, 0.9])
 @pytest.mark.parametrize("method", ["backward_euler", "bdf2", "implicit_midpoint", "trapezoidal"])
 def test_friction_of_jelly_on_a_slope_is_that_of_all_its_weight(method: str, part: float) -> None:
@@ -248,7 +249,7 @@ def test_what_lies_on_a_platform_flies_on_as_it_slows_down(method: str) -> None:
     assert height == pytest.approx(flown, abs=0.07 if method == "backward_euler" else 0.02)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("method", ["backward_euler", "bdf2", "implicit_midpoint", "trapezoidal"])
 def test_a_belt_takes_jelly_along(method: str) -> None:
     belt = jelly(method, 0.0)

@@ -78,7 +78,7 @@ def test_a_harmonic_crystal_keeps_its_energy_at_any_step(method: str) -> None:
     assert total[-1] == pytest.approx(total[0], rel=1e-9)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.slow
 @pytest.mark.optimised
 @pytest.mark.parametrize("method", METHODS)
 def test_a_stiff_cluster_comes_to_rest_where_small_steps_take_it(method: str) -> None:
@@ -200,6 +200,7 @@ def test_what_a_tree_leaves_of_equations_costs_no_energy() -> None:
     assert drifts[1] < 2 * drifts[0] + 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_same_bits_for_any_number_of_threads_with_a_tree() -> None:
     one, three = (

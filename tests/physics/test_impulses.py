@@ -173,6 +173,7 @@ def test_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: Any) -> 
     assert bits(one) == bits(two) == bits(other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", [{}, {"model": "hertz", "young_modulus": 1e5}, {"model": "linear", "stiffness": 500.0}]
 )

@@ -25,7 +25,7 @@ def hinge(one: str, two: str, at: tuple[float, float]) -> dict[str, Any]:
     return {"type": "hinge", "between": [one, two], "anchor": [*at, 0], "axis": [0, 0, 1]}
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     ("restitution", "friction", "h"),
     [(0.6, 0.0, H), (0.6, 0.3, H), (1.0, 0.0, H), (1.0, 0.3, H), (1.0, 1.0, 3e-3), (0.5, 1.0, 5e-4)],

@@ -107,6 +107,7 @@ BOXES = {
 """Boxes by formulas with kinks."""
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("name", BOXES)
 def test_a_formula_with_kinks_is_as_exact_as_the_shape(name: str, inside: bool) -> None:
@@ -251,7 +252,7 @@ def test_a_face_ends_at_the_sides_of_the_box(normal: tuple[float, float, float])
     np.testing.assert_allclose(found[same], gaps(smooth, x)[same], atol=8 * EPS)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("restitution", [0.0, 1.0])
 @pytest.mark.parametrize("text", ["y - 0.3*abs(x)", "y + 0.3*x + 0*abs(x - 1)", "max(y + 0.3*x, y - 0.5)"])
 def test_what_rolls_off_the_end_of_a_formula_gains_nothing(text: str, restitution: float) -> None:

@@ -63,6 +63,7 @@ def test_what_moving_apart_gives_is_known(overlap: float) -> None:
     assert fed == pytest.approx(M * G * apart, abs=M * G * G * STEP * STEP)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_what_turns_pays_for_what_moving_apart_lifts(precision: str) -> None:
     # both spin about the line of their centres, as fast: nothing slides
@@ -89,6 +90,7 @@ def test_what_slides_on_a_smooth_floor_keeps_its_speed_as_it_comes_apart(frictio
     assert ps.run(ps.from_table(scenario)).final.velocity[:, 0] == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("radii", [(0.01, 0.01, 0.01), (0.01, 0.006, 0.008)])
 def test_what_swings_in_a_drum_goes_on(radii: tuple[float, ...]) -> None:
     """Smooth grains that touch: each step sinks them a little into the wall and into each other, and is put back. To pay for

@@ -54,7 +54,7 @@ def speeds(method: str, shape: str, ratio: float) -> NDArray[np.float64]:
     return np.linalg.norm(v[:, 0], axis=1)
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(60)
 @pytest.mark.parametrize("shape", list(SHAPES))
 @pytest.mark.parametrize("ratio", [0.1, 0.4, 1.1])
 @pytest.mark.parametrize("method", ["symplectic_euler", "stormer_verlet", "velocity_verlet", "rk4"])
@@ -120,6 +120,7 @@ def test_a_crumpled_jelly_comes_to_rest(method: str, collider: dict[str, Any]) -
     simulation.close()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("collider", [BALL, RING])
 def test_a_crumpled_jelly_on_smooth_ground_gains_nothing(collider: dict[str, Any]) -> None:
     """Where some landed, the velocities of those around had been half a step late under other forces: the energy doubled

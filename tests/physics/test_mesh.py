@@ -432,6 +432,7 @@ def waves(n: int, **given: Any) -> dict[str, Any]:
     return scenario
 
 
+@pytest.mark.slow
 def test_a_wave_grows_as_jeans_says() -> None:
     # γ² = 4π G ρ in a medium; a lattice of 16 bodies in the wave differs by (k d)²/12 in the sines of its own waves, 1 %
     rate = math.sqrt(4 * math.pi)

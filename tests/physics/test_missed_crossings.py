@@ -22,6 +22,7 @@ SHOTS = points(
 )
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", ["velocity_verlet", "rk45"])
 def test_each_crossing_is_counted_once(method: str) -> None:
     # 0.5 m in a step, through 1 cm: eight shots pass the sheet once; one that ends a step inside of it bounces.

@@ -35,6 +35,7 @@ def test_a_piston_gives_its_speed(e: float, dt: float) -> None:
     assert final.position[0] == pytest.approx([1 + v * t + after * (2 - t), 0, 0], abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.05, 0.06, 0.1])
 @pytest.mark.optimised
 def test_balls_bounce_off_what_swings_from_any_height(radius: float) -> None:
@@ -116,6 +117,7 @@ def test_what_lies_on_a_table_rides_along(shape: str, tmp_path: Any) -> None:
     assert final.velocity[0] == pytest.approx([0, 0.3 * np.sin(6.0), 0], abs=1e-3)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("rate", [100.0, 1e3, 1e6])
 @pytest.mark.parametrize("shape", ["cylinder", "box"])
 def test_a_turntable_takes_along_by_no_more_than_friction_has(shape: str, rate: float) -> None:
@@ -225,6 +227,7 @@ def between_a_wall_and_a_piston(
         x, v = (0.0, -v) if wall < piston else (length - u * t, -v - 2 * u)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("degrees", [0, 31])
 def test_a_plane_that_moves_is_a_piston(degrees: float) -> None:
     rng = np.random.default_rng(2)

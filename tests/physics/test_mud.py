@@ -32,6 +32,7 @@ def led(begun: tuple[float, float], since: float, until: float) -> tuple[np.ndar
     return np.add(arm, [SPEED * until, 0]), RATE * np.array([-arm[1], arm[0]]) + [SPEED, 0]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", ["velocity_verlet", "rk45"])
 def test_mud_goes_along_with_a_wheel(method: str) -> None:
     # The first is met at 3 − 2 t = 1 + t/2, t = 0.8 s, at the angle 0; the second at 2 − 2 t = 1, t = 0.5 s, at 90°.
@@ -84,6 +85,7 @@ def test_same_bits_however_it_is_cut() -> None:
     other.close()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", ["velocity_verlet", "rk45"])
 def test_the_wheel_pays_for_what_it_lifts(method: str) -> None:
     # What it holds has the energy of its place and speed, all of which contact gives: 400 kg by 1 m and 3 m/s.

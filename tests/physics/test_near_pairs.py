@@ -263,6 +263,7 @@ def melt(edge: int, density: float, temperature: float, law: dict[str, Any], dt:
     return simulation, edge * spacing, each
 
 
+@pytest.mark.slow
 def test_energy_and_momentum_of_a_melt() -> None:
     # The energy of a leapfrog oscillates by a term in dt²: a quarter for half the step, and does not drift. Where forces
     # end at the cutoff without a jump, nothing else is left.
@@ -336,6 +337,7 @@ def spray(method: str) -> ps.Scenario:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_births_deaths_and_pins_are_those_of_direct_sums() -> None:
     # Overlapping drops are no chaos for so short a time; the order of sums is all that differs.
@@ -405,6 +407,7 @@ def test_equation_of_state_has_its_critical_point() -> None:
     assert abs(above - 2 * at + below) / h**2 < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_a_melt_has_the_energy_pressure_and_structure_of_the_literature() -> None:
     # Near the triple point, ρ = 0.8442 and T = 0.722: half of the energy of motion on the lattice goes into the melt. Means

@@ -176,6 +176,7 @@ def test_momentum_and_angular_momentum_are_kept_to_rounding() -> None:
     simulation.close()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_same_bits_for_any_number_of_threads(precision: str) -> None:
     found = set()

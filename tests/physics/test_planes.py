@@ -148,6 +148,7 @@ def test_what_lands_without_a_rebound_lies_still_with_symplectic_euler() -> None
     assert np.abs(v[-1]).max() < 1e-10
 
 
+@pytest.mark.sampled(24)
 @pytest.mark.parametrize("degrees", [50.0, 54.7356103172, 80.0])  # 54.7: at right angles
 @pytest.mark.parametrize("radius", [0.0, 0.01])
 @pytest.mark.parametrize("friction", [0.0, 0.3])

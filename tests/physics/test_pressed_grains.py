@@ -156,6 +156,7 @@ def test_marbles_that_lie_in_the_tip_of_a_cone_take_no_time_there(friction: floa
     assert run.final.position[:, 1].min() == pytest.approx(deepest, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_grains_that_circle_in_a_funnel_keep_their_energy_in_single_precision() -> None:
     """Rounding of their speeds along the wall had told that it threw them back: 1.6 % more in three seconds."""
     run = swirl(5e-4, 4.0, "velocity_verlet", "single")

@@ -29,6 +29,7 @@ PIERCED = {
 BOWL = {"type": "union", "of": [DISH, {"type": "sphere", "center": [0, -3, 0], "radius": 0.5}]}
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize(
     ("shape", "x", "height"),
     [
@@ -128,6 +129,7 @@ def test_no_point_passes_what_convex_solids_have_in_common_however_thin_it_is(th
     assert (places[-1, :, 1] > 1).all()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", ["union", "difference"])
 def test_what_begins_with_a_plane_can_be_led(kind: str) -> None:
     """By the point of that plane. It had ended with a mistake of psim, also without a motion where a point might pass it."""

@@ -208,6 +208,7 @@ def test_bodies_of_elastic_beads_gain_nothing(method: str, ratio: float, gain: f
         assert means.min() > 1 - ratio**2 / 10
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
 def test_beads_on_springs_lose_energy_in_impacts_that_take_some(method: str) -> None:
     energy = energies_of_pairs(method, 0.2, 0.7, 4.0)
@@ -224,6 +225,7 @@ def test_rebounds_have_the_same_bits_for_any_number_of_threads(threads: int) -> 
     assert np.array_equal(ends[0].position, ends[1].position)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", LEAPFROGS[::2])
 def test_hard_grains_bounce_off_walls_without_a_gain(method: str) -> None:
     """Two that never meet, in a well, off a wall: as in the first test, where the steps of grains in hard contact have their

@@ -93,7 +93,7 @@ def energies_on_a_spring(
     return np.asarray(energy / energy[0])
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(40)
 @pytest.mark.parametrize("scene", CENTRED)
 @pytest.mark.parametrize("ratio", [0.1, 0.5, 0.8, 1.2])
 @pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
@@ -107,7 +107,7 @@ def test_what_bounces_on_a_spring_gains_nothing(method: str, scene: str, ratio: 
         assert energy.min() >= 1 - 1e-3
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(18)
 @pytest.mark.parametrize("scene", [*CENTRED, "torus"])
 @pytest.mark.parametrize("ratio", [0.1, 0.4, 0.8])
 def test_what_bounces_with_a_method_of_fourth_order_gains_nothing(ratio: float, scene: str) -> None:
@@ -129,7 +129,7 @@ def test_what_bounces_less_loses_and_gains_nothing(method: str, restitution: flo
         assert energy[-1].mean() < 0.95
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(30)
 @pytest.mark.parametrize("scene", ["bowl", "cylinder", "torus", "wedge", "cone"])
 @pytest.mark.parametrize("restitution", [0.0, 0.6, 1.0])
 @pytest.mark.parametrize("ratio", [0.3, 0.8])

@@ -192,6 +192,7 @@ def test_rotation_is_of_second_order(tmp_path: Path) -> None:
 # ---- slopes
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("mu", [0.1, 0.5])
 @pytest.mark.parametrize(
     "shape",

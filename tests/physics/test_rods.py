@@ -134,6 +134,7 @@ def kapitza(dt: float, method: str) -> tuple[ps.Result, Any]:
     return result, np.array([math.sin(exact), top - math.cos(exact), 0])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("method", "order"), METHODS[1:])
 def test_a_led_end_gives_what_the_books_say(method: str, order: int) -> None:
     errors, left = [], []

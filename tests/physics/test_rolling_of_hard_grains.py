@@ -252,6 +252,7 @@ def test_nothing_gains_energy_and_those_that_are_free_keep_their_momenta() -> No
         assert abs(last[f"angular_momentum.{axis}"] - first[f"angular_momentum.{axis}"]) < 1e-4
 
 
+@pytest.mark.slow
 def test_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: pytest.MonkeyPatch) -> None:
     # in a shell that turns, under gravity
     for name in ("WORTH_SPRINGS", "WORTH_THREADS"):
@@ -356,6 +357,7 @@ def test_what_hardly_moves_in_single_precision_stays_finite() -> None:
 # ---- on rigid bodies
 
 
+@pytest.mark.slow
 def test_a_grain_that_rolls_on_a_rigid_body_is_slowed_and_rests_on_its_slope() -> None:
     # On a block as heavy as a house, v' = 5/7 (g sin θ − μ_r g cos θ), and rest up to tan θ = μ_r.
     law = {

@@ -139,7 +139,7 @@ def against_walls(
     return places @ along, speeds @ along, ends, places @ np.array([-s, c, 0.0])
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(18)
 @pytest.mark.parametrize("degrees", [0, 27])
 @pytest.mark.parametrize(
     ("floor", "wall"),
@@ -157,6 +157,7 @@ def test_points_that_slide_on_a_floor_rebound_from_what_stands_on_it(
         assert np.all((v[-1] > 0) == (x[0] + 0.2 * v[0] < 1.5))
 
 
+@pytest.mark.slow
 def test_points_rebound_from_a_mesh_that_stands_on_a_floor(tmp_path: Path) -> None:
     trimesh.creation.box(BLOCK["size"]).export(tmp_path / "block.obj")
     n, h, steps = 60, 0.01, 20
@@ -234,6 +235,7 @@ def test_points_dropped_on_the_line_where_two_boxes_touch_do_not_fall_through(ti
     assert speeds[-1, :, 2] == pytest.approx(v[:, 2], abs=2e-11)  # rounding of 10 km/s
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("which", ["gate", "lift"])
 def test_points_rebound_from_a_gate_that_has_come_down(which: str) -> None:
     """It is 0.1 m above the floor at first, or the floor below it, and lies on it from 0.1 s on, exactly. What is there
@@ -309,6 +311,7 @@ def test_points_slide_over_seams_of_turned_boxes(
     np.testing.assert_allclose(found[:, 0], x + side * speed * steps * h, atol=1e-10)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler"])
 def test_friction_takes_the_same_on_four_boxes_as_on_one(method: str) -> None:
     """v = v₀ − μ g t. With symplectic_euler each seam had taken μ g dt/2 more: late velocities were put right as in

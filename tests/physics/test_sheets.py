@@ -177,6 +177,7 @@ def sides(scenario: dict[str, Any], normal: Any, led: Any) -> NDArray[np.float64
     return np.array(found)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("rate", [0.0, 4.0], ids=["led", "turned"])
 @pytest.mark.parametrize(("radius", "dt"), [(0.0, 2e-3), (5e-3, 2e-3), (0.0, 1e-2)])
 def test_a_sheet_that_moves_in_a_ball_passes_none_that_it_drives_into_the_crease(

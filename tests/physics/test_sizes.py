@@ -17,6 +17,7 @@ HERTZ = {"type": "contact", "model": "hertz", "young_modulus": "10 MPa", "poisso
 IMPULSE = {"type": "contact", "model": "impulse"}
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("e", [1.0, 0.4])
 @pytest.mark.parametrize("law", [LINEAR, HERTZ, IMPULSE], ids=lambda law: law["model"])
 def test_impacts_of_grains_ten_times_as_large(law: dict[str, Any], e: float) -> None:

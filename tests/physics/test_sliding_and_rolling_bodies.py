@@ -77,6 +77,7 @@ def test_what_swings_in_a_trough_keeps_its_energy(
     assert run.ledger["kinetic"][-int(0.6 / dt) :].max() == pytest.approx(most, rel=5 * loss)
 
 
+@pytest.mark.slow
 def test_a_ball_that_rolls_around_a_funnel_keeps_its_energy() -> None:
     """The axis about which it turns goes around, by friction alone, which took 1 % of it in two seconds."""
     funnel = {"type": "cone", "start": [0, 0.1, 0], "end": [0, -0.1, 0], "radius": 0.3, "inside": True}
@@ -89,6 +90,7 @@ def test_a_ball_that_rolls_around_a_funnel_keeps_its_energy() -> None:
     assert energy[-1] > energy[rolls] - 1e-4 * most
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_small_swings_have_the_period_of_a_pendulum(friction: float) -> None:
     """T = 2π √(l (1 + I/(m r²))/g), l = R − r, with I/(m r²) = 2/5 where the ball rolls."""
@@ -139,6 +141,7 @@ def test_a_ball_leaves_a_loop_where_it_has_to(tmp_path: Path) -> None:
     assert left == pytest.approx(np.arccos(0.5), abs=0.1)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("motion", ["led", "turning"])
 def test_a_smooth_pipe_that_moves_does_the_same(motion: str) -> None:
     """Led along with the body it looks as at rest; one that turns about its own axis takes no part in what is smooth."""
@@ -154,6 +157,7 @@ def test_a_smooth_pipe_that_moves_does_the_same(motion: str) -> None:
     assert moving.ledger["momentum.y"] == pytest.approx(at_rest.ledger["momentum.y"], abs=1e-6)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("restitution", [0.0, 0.3])
 @pytest.mark.parametrize("lean", [0.0, 0.04, -0.04])
 def test_a_wall_that_is_met_from_a_floor_is_no_bend(lean: float, restitution: float) -> None:
@@ -206,6 +210,7 @@ def test_a_coin_that_rolls_about_its_centre_keeps_its_energy(kind: str, dt: floa
     assert energy[-1] > energy[0] - 2e-3 * kinetic  # it is not quite thin
 
 
+@pytest.mark.slow
 def test_a_coin_that_leans_rolls_around_a_circle_to_second_order() -> None:
     """It had gained energy, in proportion to the step."""
     a, thin, lean = 0.03, 0.004, np.radians(10)
@@ -246,6 +251,7 @@ def test_what_tips_over_its_edge_keeps_its_energy_to_second_order() -> None:
     assert swings[1] < swings[0] / 12
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("apart", [0.0, 0.05])
 def test_two_in_a_joint_slide_in_a_trough(apart: float) -> None:
     """Beside each other, or one behind the other, so that the joint pulls: they lost as much as single bodies had."""
@@ -262,6 +268,7 @@ def test_two_in_a_joint_slide_in_a_trough(apart: float) -> None:
     assert energy.min() > -(5e-4 if apart == 0 else 5e-3)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("shape", ["cone", "coin", "box"])
 @pytest.mark.parametrize("speed", [0.0, -1.0])
 def test_what_falls_on_a_corner_or_a_rim_gains_nothing(shape: str, speed: float) -> None:

@@ -307,6 +307,7 @@ def test_what_sticks_to_a_ball_stays_where_it_touched() -> None:
     assert not final.velocity[0].any()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("law", [{}, {"model": "linear", "stiffness": 1000.0}], ids=["impulse", "linear"])
 def test_what_has_stuck_is_hit_like_a_wall(law: dict[str, Any]) -> None:
     final = simulate(

@@ -141,6 +141,7 @@ def test_growth_beyond_the_limit_is_that_of_the_run() -> None:
     assert found.islands[0].growth == pytest.approx(40 * math.log10(factor), rel=1e-5)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.optimised
 @pytest.mark.parametrize("damping", [0.0, 0.02])
 def test_a_cloth_by_bound_and_by_extreme_modes_is_that_of_dense_matrices(

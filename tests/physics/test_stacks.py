@@ -53,6 +53,7 @@ STACKS = [
 ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("mass", [1e3, 1e4])
 def test_a_heavy_block_on_a_hinge_rests_on_a_light_one(mass: float) -> None:
     # what the hinge holds friction may hold, too: the direct method circled about that, and the block gained energy
@@ -92,6 +93,7 @@ def test_stacks_stand_whatever_the_masses(masses: list[float]) -> None:
         assert k.impulse[:n, 0][here].sum() == pytest.approx(weight, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_heavy_box_stands_on_a_pyramid() -> None:
     light = [
         box(f"a{row}_{k}", 1.0, (0.2 * k + 0.1 * row, 0.1 + 0.2 * row, 0))
@@ -172,6 +174,7 @@ def test_too_many_bodies_under_a_heavy_one_are_told() -> None:
         assert not advice(ps.from_table(table(**parts, bodies=others)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "floor",
     [

@@ -409,6 +409,7 @@ def test_crumpling_cloth_loses_its_energy_near_the_largest_stable_step() -> None
     assert found[-1] < 0.25 * found[0]
 
 
+@pytest.mark.slow
 def test_hair_that_flies_apart_is_told_long_before_the_next_frame() -> None:
     # speeds grow six times in a step of 2.1 times the largest stable one, and then each step costs a second: all strands are
     # in each other's way; 25 of them, to the only frame, had taken a minute

@@ -75,7 +75,7 @@ def depth(simulation: Simulation, shape: Any) -> float:
     return float(-out.min() / R)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(36)
 @pytest.mark.parametrize(
     ("shape", "what", "speed"),
     [
@@ -102,6 +102,7 @@ def test_nothing_gets_between_particles(shape: str, what: str, speed: float) -> 
         assert worst < 1 - THINNER + (0.3 if shape in ("ring", "both") else 0.05)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("motion", ["path", "turn"])
 def test_nothing_gets_between_particles_of_what_a_collider_meets(motion: str) -> None:
     moves = {"path": {"path": ["x", "y + 8*t", "z"]}, "turn": {"spin": {"axis": [0, 0, 1], "rate": 25.0}}}
@@ -195,7 +196,7 @@ def test_a_belt_takes_an_edge_along() -> None:
     assert v[0] == pytest.approx(0.3, abs=0.02)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_cloth_comes_to_rest_on_a_table_and_gains_nothing(precision: str) -> None:
     table_top = {"type": "box", "center": [0, -0.25, 0], "size": [0.37, 0.5, 0.29], "friction": 0.6}
@@ -232,6 +233,7 @@ def test_the_same_bits_with_any_threads_and_after_a_resume_at_colliders(monkeypa
     assert bits(one) == bits(two) == bits(other)
 
 
+@pytest.mark.slow
 def test_what_nothing_keeps_apart_goes_with_the_collider() -> None:
     # between a table and a press there is no place for the cloth
     press = {"type": "box", "center": [0.03, 0.24, 0.02], "size": [0.2, 0.4, 0.2]}

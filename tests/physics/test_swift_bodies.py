@@ -41,7 +41,7 @@ def slot(width: float, e: float = 1.0) -> list[dict[str, Any]]:
     ]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("sheet", SHEETS)
 def test_nothing_passes_a_thin_wall_at_any_speed(sheet: str, shape: str) -> None:
@@ -161,7 +161,7 @@ def crowd(e: float, friction: float) -> dict[str, Any]:
     return {"bodies": bodies, "colliders": walls}
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(("e", "friction"), [(1.0, 0.0), (1.0, 0.4), (0.5, 0.4)])
 def test_a_box_of_sheets_holds_swift_boxes_and_gives_them_nothing(e: float, friction: float) -> None:
     scenario = table(0.1, H, output={"every": 1, "ledger": True}, **crowd(e, friction))

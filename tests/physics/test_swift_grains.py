@@ -188,6 +188,7 @@ def test_impacts_on_spheres_that_turn_keep_what_there_is() -> None:
 # ---- walls of balls, pinned and led
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("led", [0.0, -3.0])
 def test_nobody_passes_a_wall_of_balls(led: float) -> None:
     """36 shots of 30 to 10⁴ radii a step at a thin wall of touching balls, which stands, or comes to meet them."""
@@ -249,6 +250,7 @@ def gaps(x: Floats, r: float) -> float:
     return float(min(d.min() / r - 2, x.min() / r - 1, (1 - x.max()) / r - 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("precision", "most"), [("double", 1e-12), pytest.param("single", 1e-5, marks=pytest.mark.slow)]
 )
@@ -287,6 +289,7 @@ def test_energy_is_kept_under_gravity(method: str, late: float, most: float) -> 
     assert total(final.position, final.velocity) == pytest.approx(began, rel=most)
 
 
+@pytest.mark.slow
 def test_the_same_bits_with_any_threads_and_after_a_resume(monkeypatch: Any) -> None:
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_SPRINGS", 0)
     monkeypatch.setattr("particlesim.engine.islands.stepping.WORTH_THREADS", 0)
@@ -336,6 +339,7 @@ def test_an_elastic_ball_that_is_thrown_down_beside_the_floor_gains_nothing(dt: 
     assert found == pytest.approx(found[0], rel=1e-13)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("dt", [5e-3, 2.5e-3])
 def test_elastic_balls_in_a_box_keep_their_energy_in_corners_too(dt: float) -> None:
     # What leaves one side of the box in a step had been taken past the next one, in its corner.

@@ -24,6 +24,7 @@ def materials(light: dict[str, Any], heavy: dict[str, Any], mixed: dict[str, Any
     ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_each_pair_rebounds_and_rubs_by_its_own_table(precision: str) -> None:
     # Three pairs of equal spheres, far from each other. Of the approach u the half (1 + e) u goes to the other one, with
@@ -59,6 +60,7 @@ def test_each_pair_rebounds_and_rubs_by_its_own_table(precision: str) -> None:
     assert speed[2] + speed[5] == pytest.approx([v, -u, 0], abs=exact)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dt", [5e-4, 1e-3])
 @pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
 def test_a_heap_of_two_materials_does_not_sink_into_itself(method: str, dt: float) -> None:

@@ -69,6 +69,7 @@ def ends(x: Floats, v: Floats, collider: Solid, *, steps: int, g: list[float], *
     return np.array(ps.run(ps.from_table(given)).final["position"])
 
 
+@pytest.mark.sampled(24)
 @pytest.mark.parametrize("thick", [1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize("kind", ["box", "ball", "pipe", "two balls"])
 @pytest.mark.parametrize("response", [{"restitution": 0.0, "friction": 0.1}, {"contact": "slide"}])
@@ -108,6 +109,7 @@ def turned_back(x: Floats, axis: Floats, angle: float) -> Floats:
     return np.asarray(x @ (np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k))
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("thick", [1e-6, 1e-8])
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_nothing_passes_thin_blades_in_a_room_that_turns(restitution: float, thick: float) -> None:
@@ -134,6 +136,7 @@ def test_nothing_passes_thin_blades_in_a_room_that_turns(restitution: float, thi
     assert np.abs(end).max() < 1 + thick
 
 
+@pytest.mark.slow
 def test_what_slides_in_a_corner_of_plates_that_turn_stays_there() -> None:
     """It had come ever nearer to the second plate in ever shorter glides, and out when they were too many."""
     thick, rng, n, rate, steps = 1.5e-4, np.random.default_rng(2), 40, 2.0, 120

@@ -125,6 +125,7 @@ def test_a_chain_on_a_body_keeps_its_energy_and_momentum(method: str, h: float) 
     assert np.abs(energy / energy[0] - 1).max() < 0.25 * 500 / 0.003 * h**2
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("rods", ["tie", "all"])
 def test_rods_keep_momentum_energy_and_their_lengths(rods: str) -> None:
     # A chain of springs, or of rods that are solved for together with the one at the box.
@@ -282,6 +283,7 @@ def test_ties_break_for_good_and_what_they_held_is_booked(tmp_path: Path) -> Non
     assert end[0, 0] - end[1, 0] == pytest.approx(math.sqrt(36 - 2 * lost / 0.4), rel=1e-4)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("rods", ["", "tie"])
 def test_a_run_that_goes_on_from_a_snapshot_has_the_same_bits(rods: str) -> None:
     scenario = ps.from_table(hung(2e-3, 200, rods, break_force=4.0))

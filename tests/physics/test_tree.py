@@ -131,6 +131,7 @@ def test_what_is_told_holds_where_a_few_have_most_of_the_error() -> None:
     tree.close()
 
 
+@pytest.mark.slow
 def test_leaves_at_the_rim_do_not_decide_how_exact_all_others_are() -> None:
     """A leaf is far from thousands of small cells in the middle, whose errors have one sign in it. Where such leaves are not
     cut further, they alone need a tolerance of 0.3 times the accuracy, and the others twice the work."""
@@ -150,7 +151,7 @@ def test_errors_hold_for_any_softening(softening: float) -> None:
     tree.close()
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [1e-1, 1e-2, pytest.param(1e-4, marks=pytest.mark.slow), 1e-5])
 def test_charges_in_the_order_of_a_crystal_are_summed_as_exactly_as_asked(accuracy: float) -> None:
     """Low moments of its cells vanish, and tell nothing of higher ones; and forces are a thousandth of those of pairs."""
@@ -286,6 +287,7 @@ def test_accuracies_that_mean_nothing_are_refused(accuracy: float, method: str) 
         )
 
 
+@pytest.mark.slow
 def test_an_accuracy_out_of_reach_says_what_can_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
     from particlesim.engine.interactions.tree import calibration
 

@@ -100,6 +100,7 @@ def sprung(dt: float, method: str, t: float = 1.0, **more: Any) -> ps.Result:
     )
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("method", "order"), [("symplectic_euler", 1), ("rk4", 4)])
 def test_dampers(method: str, order: int) -> None:
     # ω = 14/s: the order shows from hω = 0.07 on; symplectic Euler's energy swings meanwhile, hence the largest of all.

@@ -80,7 +80,7 @@ def test_methods_have_their_order(name: str) -> None:
         assert row.order == pytest.approx(METHODS[name].order, abs=0.35), row
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(9)
 @pytest.mark.parametrize(
     ("name", "smooth", "simulation"),
     [
