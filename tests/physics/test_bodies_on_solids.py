@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import G, simulate
+from simulate import G, energies, simulate, table
 
 R = 0.1
 CYLINDER = {"type": "cylinder", "start": [0.2, -2, 0], "end": [0.2, 2, 0]}
@@ -121,3 +121,54 @@ def test_what_tumbles_over_the_edges_of_a_box_gains_no_energy(
     energies = sum(np.array(result.ledger[name]) for name in ("kinetic", "potential.gravity"))
     assert np.diff(energies).max() < 1e-6 * np.ptp(energies)
     assert result.missed_crossings == 0
+
+
+ROOM = {
+    "type": "union",
+    "inside": True,
+    "of": [
+        {"type": "sphere", "radius": 0.4},
+        {**CYLINDER, "start": [-0.6, 0, 0], "end": [0.6, 0, 0], "radius": 0.3},
+    ],
+}
+PIERCED = {
+    "type": "difference",
+    "of": [{"type": "sphere", "radius": 0.5}, {"type": "box", "size": [0.4, 2, 0.4]}],
+}
+
+
+@pytest.mark.parametrize(
+    ("shape", "place", "speed"),
+    [
+        (ROOM, [0.2341, -0.2441, 0.018], [1.69, 0.69, 1.74]),
+        (PIERCED, [0.01744993, 0.51156487, 0.139249], [-0.57494901, -1.49314451, 1.57937265]),
+    ],
+)
+def test_surfaces_of_parts_do_not_push_where_they_are_none(
+    shape: dict[str, Any], place: list[float], speed: list[float]
+) -> None:
+    # Beside the wall of one part, where that of the other one would be without it, a ball had been lifted by 4 % of its
+    # depth in that in every step: by 1 % of its energy within 6 ms.
+    ball = {"shape": {"type": "sphere", "radius": 0.06}, "mass": 1, "position": place, "velocity": speed}
+    parts = {"bodies": [ball], "forces": [{"type": "gravity"}], "colliders": [{**shape, "restitution": 1.0}]}
+    for h in (1e-3, 2.5e-4):
+        found = energies(table(6e-3, h, output={"every": 1}, **parts))
+        assert found == pytest.approx(np.full(len(found), found[0]), rel=1e-13)
+
+
+def test_a_cylinder_meets_edges_beside_its_lowest_places() -> None:
+    # The rim crosses an edge of the room's step between two of the places around it, and had come 2 mm into that before
+    # one of these did; put back, it had gained 1.1·10⁻³ of the largest kinetic energy, at any dt.
+    boxes = [{"type": "box", "size": [0.8, 0.8, 0.8]}, {"type": "box", "size": [1.6, 0.4, 0.4]}]
+    body = {
+        "shape": {"type": "cylinder", "radius": 0.05, "length": 0.1},
+        "mass": 1,
+        "position": [0.00283719, 0.10811129, -0.08540169],
+        "velocity": [-1.95473585, 1.3580338, 0.66956186],
+        "angular_velocity": [-0.53695324, 0.5811181, 0.3645724],
+    }
+    room = {"type": "union", "inside": True, "of": boxes, "restitution": 1.0}
+    found = energies(
+        table(0.3, 1e-3, output={"every": 1}, bodies=[body], forces=[{"type": "gravity"}], colliders=[room])
+    )
+    assert found.max() - found[0] < 1e-5 * found[0]

@@ -48,6 +48,28 @@ def rolling(
     return ps.run(ps.from_table(found))
 
 
+@pytest.mark.parametrize("model", [{}, {"model": "linear", "stiffness": 2e4}])
+def test_what_has_stuck_turns_no_more(model: Table) -> None:
+    # It had kept its spin, and driven the other one, which lies on it and at a wall, for ever.
+    found = simulate(
+        0.3,
+        2e-4,
+        particles=[
+            points((0, 1.000001 * R, 0), mass=M, radius=R, angular_velocity=[0, 0, 20], name="stuck"),
+            points((0.06, 0.1301, 0), mass=M, radius=R, name="other"),
+        ],
+        interactions=[{"type": "contact", "restitution": 0, "friction": 0.8, **model}],
+        forces=[{"type": "gravity"}],
+        planes=[
+            {"on": ["stuck"], "contact": "stick"},
+            {"on": ["other"], "point": [0.11, 0, 0], "normal": [-1, 0, 0], "restitution": 0},
+        ],
+    ).final
+    assert (found["angular_velocity"][0] == 0).all()
+    assert np.abs(found.velocity).max() < 1e-3
+    assert R * np.abs(found["angular_velocity"]).max() < 1e-3
+
+
 @pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.slow)])
 def test_grains_rest_on_slopes_below_their_angle_and_roll_above_it(precision: str) -> None:
     # m v' = m g sin θ − f, 2/5 m r² ω' = f r − μ_r r m g cos θ and v = ω r: v' = 5/7 g (sin θ − μ_r cos θ). What rests

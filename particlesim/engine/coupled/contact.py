@@ -8,7 +8,17 @@ from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
 from particlesim.engine.coupled.again import end_of, is_same, keep_end, worthwhile
 from particlesim.engine.coupled.rebounds import note_rebound
-from particlesim.engine.state.columns import block_of, fetch, let_know, note, span, store, tire, type_of
+from particlesim.engine.state.columns import (
+    block_of,
+    fetch,
+    let_know,
+    note,
+    span,
+    stop_turning,
+    store,
+    tire,
+    type_of,
+)
 from particlesim.engine.step.at_rest import overlapped, respond, turning
 from particlesim.engine.step.contacts import Careful, Simple, late_contacts, nearest, pushed
 from particlesim.engine.step.crossing import crossings, passable, passed, thin
@@ -249,3 +259,4 @@ def _collide(
                 held[i] = 1 if is_other(q, r) else 0
             store(c, i, r)
             note(c.clock, i, outcome, r.t)
+            stop_turning(c, i, outcome)

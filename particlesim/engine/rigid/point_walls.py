@@ -18,10 +18,10 @@ FLAT = (PlaneRecord, PlaneXRecord, PlaneYRecord, PlaneZRecord)
 """Shapes whose nearest place to an edge is at one of its ends."""
 SECTIONS = 24
 """Golden sections of an edge."""
-ASIDE, FARTHER, SAME_SIDE, HALVES, SIDES = 0.1, 4.0, 0.99, 8, 8
+ASIDE, FARTHER, SAME_SIDE, HALVES, SIDES, THERE = 0.1, 4.0, 0.99, 8, 8, 1e-3
 """How far from a side of a collider a ball looks for others, at least, in radii, and how many times as far as contacts are
-looked for; the cosine of the angle between two normals from which on they are of one side; looks at one; and numbers for the
-features of each."""
+looked for; the cosine of the angle between two normals from which on they are of one side; looks at one; numbers for the
+features of each; and how near to the surface its nearest place is, in radii."""
 
 
 def point_on_wall(wall: Any, k: Any, i: Any, at: Any, radius: Any, margin: Any, t: Any, code: Any) -> None:
@@ -51,7 +51,8 @@ def ball_on_wall(wall: Any, k: Any, i: Any, at: Any, radius: Any, margin: Any, t
         for c in range(begin, k.number[0]):
             new = new and dot(row(k.normal, c), m) < SAME_SIDE
         distance, known = dot(minus(at, y), m) - radius, k.number[0]
-        if not (new and distance < margin):
+        # of what is put together the surface of a part may go on where there is nothing
+        if not (new and distance < margin and abs(gap(wall.shape, probe(y, 0.0, t))) < THERE * radius):
             return
         add_contact(k, i, WORLD, code + SIDES * more, plus(at, -(radius + distance), m), m, distance)
         if k.number[0] == known:

@@ -63,6 +63,8 @@ SPAN_OF_SIDE = SPAN // 8
 """Numbers for the features of a piece at each side of a room."""
 RIM = 4
 """Turns of the search for the lowest place of a circle."""
+BESIDE = 0.99
+"""The cosine of the angle from that place, from which on another one of the circle is beside it."""
 CORNERS = 8
 """Places around a circle that may touch."""
 AROUND = 16
@@ -378,6 +380,8 @@ def round_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: 
     else:
         point_on_wall(wall, k, i, high, 0.0, margin, t, code + AROUND)
     if not isinstance(wall.shape, FLAT):
+        if s.kind == CYLINDER:  # which an edge of the collider may meet between two of the lines
+            line_on_wall(wall, k, i, low, high, s.size[0], margin, t, code + 2 * AROUND + 8)
         out = lowest(wall.shape, s, plus(low, 0.5, minus(high, low)), axis, t)
         side = cross(axis, out)
         for m in range(-2, 3):  # edges of meshes may be beside the first of them
@@ -388,9 +392,9 @@ def round_on_wall(wall: Any, k: Any, i: Any, s: Any, margin: Any, t: Any, code: 
             one = plus(low, s.size[0], d)
             two = plus(high, s.size[0] if s.kind == CYLINDER else 0.0, d)
             line_on_wall(wall, k, i, one, two, 0.0, margin, t, code + 2 * AROUND + 3 + m)
-        end_on_wall(wall.shape, k, i, s, low, axis, margin, t, code + 2 * AROUND + 6)
+        end_on_wall(wall, k, i, s, low, axis, margin, t, code + 2 * AROUND + 6)
         if s.kind == CYLINDER:
-            end_on_wall(wall.shape, k, i, s, high, axis, margin, t, code + 2 * AROUND + 7)
+            end_on_wall(wall, k, i, s, high, axis, margin, t, code + 2 * AROUND + 7)
 
 
 def lowest(shape: Any, s: Any, center: Any, axis: Any, t: Any) -> Any:
@@ -430,10 +434,11 @@ def rim_on_wall(
 
 @outlined
 def end_on_wall(
-    shape: Any, k: Any, i: Any, s: Any, center: Any, axis: Any, margin: Any, t: Any, code: Any
+    wall: Any, k: Any, i: Any, s: Any, center: Any, axis: Any, margin: Any, t: Any, code: Any
 ) -> None:
-    """The contact of a collider with the inside of a flat end."""
-    radius = s.size[0]
+    """The contact of a collider with the inside of a flat end, or with its rim where an edge meets that beside its lowest
+    place."""
+    shape, radius = wall.shape, s.size[0]
     if not gap(shape, probe(center, radius, t)) < margin:
         return
     y, depth = center, DRAWN_IN * radius
@@ -450,6 +455,8 @@ def end_on_wall(
     d = minus(y, center)
     if dot(d, d) < 0.98 * radius * radius:
         inside_contact(shape, k, i, y, margin, t, code)
+    elif dot(d, lowest(shape, s, center, axis, t)) < BESIDE * radius:
+        point_on_wall(wall, k, i, y, 0.0, margin, t, code)
 
 
 def corner_of(half: Any, corner: Any) -> Any:

@@ -342,6 +342,13 @@ def note(clock: Any, i: Any, outcome: Any, t: Any) -> None:
     clock.outcome[i] = max(clock.outcome[i], outcome)
 
 
+def stop_turning(c: Any, i: Any, outcome: Any) -> None:
+    """End the rotation of a particle that stuck: it would go on for ever, and drive all that rubs on it."""
+    if c.spin is not None and outcome == STICK:
+        zero = c.spin.wx[i] - c.spin.wx[i]
+        c.spin.wx[i], c.spin.wy[i], c.spin.wz[i] = zero, zero, zero
+
+
 def tire(c: Any, i: Any, exhausted: Any) -> None:
     """Count a step in which particle i had more impacts than are followed."""
     if c.exhausted is not None:
