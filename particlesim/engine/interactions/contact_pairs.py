@@ -144,8 +144,9 @@ def part_of(rows: Any, first: Any) -> Any:
 
 
 @outlined
-def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted: Any) -> Any:
-    """The pairs of places [first, last) of a chunk; the forces on particles of other chunks go to row `spare` of `pull`."""
+def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted: Any, ago: Any) -> Any:
+    """The pairs of places [first, last) of a chunk, in a step that began `ago` [s]; the forces on particles of other chunks
+    go to row `spare` of `pull`."""
     lists, near, rows = each.lists, each.near, each.rows
     memory = lists.memory
     given, found, at = room_for(each, near.x.dtype)
@@ -183,7 +184,7 @@ def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted:
             asked += AT_ONCE
             part, out = part_of(given, GROUP * b), part_of(found, GROUP * b)
             for i in lanes(GROUP):
-                work_out(each, part, out, i, what)
+                work_out(each, part, out, i, what, ago)
         for k in range(asked, BATCH):
             ask_for(each, lo + BATCH + k, end)
         for k in range(count):
@@ -280,7 +281,7 @@ def put(rows: Any, k: Any, numbers: Any, last: Any) -> None:
     rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3] = numbers[0], numbers[1], numbers[2], last
 
 
-def work_out(each: Any, given: Any, out: Any, i: Any, what: Any) -> None:
+def work_out(each: Any, given: Any, out: Any, i: Any, what: Any, ago: Any) -> None:
     """A contact, from what is gathered to what is found."""
     way, v, memory = three(given.way, i), three(given.speed, i), each.lists.memory
     none = way[0] - way[0]
@@ -297,7 +298,7 @@ def work_out(each: Any, given: Any, out: Any, i: Any, what: Any) -> None:
         turning = Turning(far / reach, three(given.turn, i), three(given.angle, i))
     if given.rolled is not None:
         rolling = Rolling(three(given.spun, i), three(given.bent, i), three(given.rolled, i))
-    at = press(each.law, p, n, reach - far, held, turning, rolling)
+    at = press(each.law, p, n, reach - far, held, turning, rolling, ago)
     if isinstance(what, Energies):
         out.force[i, 3] = at.energy
     elif isinstance(what, Powers):

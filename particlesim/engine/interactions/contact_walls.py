@@ -143,7 +143,7 @@ def press_wall(
         held = Held(slid if memory.state[row] >> 1 == turn else zero, *k)
         if memory.rolled is not None:
             rolling = Rolling(w, a, (memory.rolled[0, row], memory.rolled[1, row], memory.rolled[2, row]))
-    found = press(wall.law, pair, n, -g, held, turning, rolling)
+    found = press(wall.law, pair, n, -g, held, turning, rolling, ago)
     if memory is not None and settles:
         memory.state[row] = 2 * (turn + 1) + (1 if found.held.state == SLIDES else 0)
         memory.anchor[0, row], memory.anchor[1, row], memory.anchor[2, row] = (

@@ -350,9 +350,9 @@ def take_chunk(each: Any, c: Any, chunk: Any, t: Any, what: Any) -> Any:
     if each.draft.slow[chunk] != 0:
         total += take_slowly(each, first // GROUP, last // GROUP, t, what)
     elif each.near.box is None:
-        total += take_pairs(each, first, last, spare, what, False)
+        total += take_pairs(each, first, last, spare, what, False, since(each, t))
     else:
-        total += take_pairs(each, first, last, spare, what, True)
+        total += take_pairs(each, first, last, spare, what, True, since(each, t))
     if len(each.walls) > 0 and not isinstance(what, Virial):
         drift, begin, end = drifted(each.near), first // GROUP, last // GROUP
         ball = surrounding(each, drift, begin, end)

@@ -6,8 +6,13 @@ slide over each other at v_t = v − (v·n) n − s Ω × n. A tangential spring
 that it pulls with no more than that by itself. The torque on each is −a n × f_t: as the arms end at one point, angular
 momentum is kept.
 
+Where k_t grows with the overlap, ξ is shortened by as much as k_t has grown since the step began, so that the force of what
+was stretched stays: kept, the spring would give back more than it has taken. Where k_t falls, ξ is kept.
+
 ξ is the tangential part of the anchor and of l, less s A × n with A = r₁ α₁ + r₂ α₂ of the angles of rotation since the step
-began. So forces within a step depend on positions alone, and every method sees the same spring.
+began. So forces within a step depend on positions alone, but for that growth, and every method sees the same spring.
+
+Source: D. Elata, J. G. Berryman, Mech. Mater. 24, 229 (1996), for springs that grow stiffer.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ import numpy as np
 from particlesim.compiler.roots import inverse_sqrt
 from particlesim.engine.interactions.contact_lists import HOLDS, SLIDES
 from particlesim.engine.state.columns import type_of
+from particlesim.interactions.contact import HertzRecord, LinearRecord
 from particlesim.laws.contact import reduced_radius, touch
 
 
@@ -72,9 +78,11 @@ def dot(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def press(law: Any, p: Any, n: Any, overlap: Any, held: Any, turning: Any, rolling: Any) -> Any:
-    """A contact of a law between a pair p; `held` is None without friction, `turning` where nothing turns, and `rolling`
-    without rolling friction."""
+def press(
+    law: Any, p: Any, n: Any, overlap: Any, held: Any, turning: Any, rolling: Any, ago: Any = 0.0
+) -> Any:
+    """A contact of a law between a pair p, in a step that began `ago` [s]; `held` is None without friction, `turning` where
+    nothing turns, and `rolling` without rolling friction."""
     at, none = touch(law, p, overlap), overlap - overlap
     v, zeros = (p.vx, p.vy, p.vz), (none, none, none)
     rate = dot(v, n)
@@ -92,7 +100,8 @@ def press(law: Any, p: Any, n: Any, overlap: Any, held: Any, turning: Any, rolli
         turn, angle = cross(turning.w, n), cross(turning.a, n)
         slip = tuple(u - turning.arm * w for u, w in zip(slip, turn, strict=True))
         stretch = tuple(x - turning.arm * a for x, a in zip(stretch, angle, strict=True))
-    stretch = flattened(stretch, n, known)
+    grown = growth(law, p, at, overlap, overlap + type_of(none, ago) * rate)
+    stretch = eased(flattened(stretch, n, known), slip, grown if known else none, ago)
     holds, then = law.friction.static, law.friction.kinetic
     first = then if held.state == SLIDES else holds
     kept, rub, slides = limited(at, stretch, slip, pressed, first, then)
@@ -106,8 +115,8 @@ def press(law: Any, p: Any, n: Any, overlap: Any, held: Any, turning: Any, rolli
         radius = reduced_radius(p)
         turn, angle = cross(rolling.w, n), cross(rolling.a, n)
         way = tuple(x + radius * a for x, a in zip(rolling.way, angle, strict=True))
-        way = flattened(way, n, known)
         rolls = tuple(radius * w for w in turn)
+        way = eased(flattened(way, n, known), rolls, grown if known else none, ago)
         kept, drag, _ = limited(at, way, rolls, pressed, law.rolling, law.rolling)
         moment = tuple(radius * f for f in cross(n, drag))
         way = tuple(kept * x for x in way)
@@ -118,6 +127,22 @@ def flattened(v: Any, n: Any, known: Any) -> Any:
     """The tangential part of a vector; zero for a contact that has just begun."""
     up = dot(v, n)
     return tuple(x - up * axis if known else up - up for x, axis in zip(v, n, strict=True))
+
+
+def growth(law: Any, p: Any, at: Any, overlap: Any, before: Any) -> Any:
+    """By which part of itself the stiffness along the surfaces has grown since the overlap was another one, 0 if it fell."""
+    none, one = overlap - overlap, type_of(overlap, 1)
+    if isinstance(law, LinearRecord):
+        return none
+    if isinstance(law, HertzRecord):  # as the root of the overlap
+        return one - np.sqrt(min(max(before / overlap, none), one))
+    return one - min(touch(law, p, before).stiffness / at.stiffness, one)
+
+
+def eased(stretch: Any, slip: Any, grown: Any, ago: Any) -> Any:
+    """A stretch of which that from before the step is shortened, as its spring has grown stiffer by a part of what it is."""
+    ago = type_of(grown, ago)
+    return tuple(x - grown * (x - ago * u) for x, u in zip(stretch, slip, strict=True))
 
 
 def limited(at: Any, stretch: Any, slip: Any, pressed: Any, first: Any, then: Any) -> Any:
