@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulate import EPS, points, simulate, table
+from simulate import EPS, energies, points, simulate, table
 from simulate import G as G0
 
 import particlesim as ps
@@ -736,3 +736,41 @@ def test_bad_input_is_refused() -> None:
     assert "recovery puts particles back" in refused(planes=[{"recovery": 0.01, "detection": "discrete"}])
     assert "restitution that falls" in refused(planes=[{"restitution": {"value": 0.5, "speed": 1.0}}])
     assert "rk45 tries steps" in refused(law={"friction": 0.0}, planes=[{"friction": 0.3}], method="rk45")
+
+
+@SOFT
+def test_a_grain_that_grazes_an_elastic_plane_gains_nothing_by_friction(law: dict[str, Any]) -> None:
+    # What is stretched along the surfaces while the overlap grows had pulled the harder for it: 5 % of the energy came out
+    # of an impact at 45°, at any dt. Contacts last some 50 steps, and friction is known to a part of one in it.
+    for vx, mu in ((0.1, 0.5), (0.3, 0.5), (1.0, 2.0)):
+        grain = points((0, 0.035, 0), velocity=[(vx, -1.0, 0)], mass=1.0, radius=0.03)
+        contact = {**law, "restitution": 1.0, "friction": 0.0}
+        plane = {"restitution": 1.0, "friction": mu}
+        found = energies(
+            table(
+                0.03, 1e-4, output={"every": 300}, particles=[grain], interactions=[contact], planes=[plane]
+            )
+        )
+        assert found[-1] < (1 + 1e-4) * found[0]
+
+
+def test_bounces_off_the_hard_core_of_a_soft_grain_keep_the_energy_to_second_order() -> None:
+    # The way to the core had been taken for straight, with the velocity at its end: 4 % more in 21 bounces, to first order.
+    soft = {"type": "contact", "model": "linear", "stiffness": 100.0, "restitution": 1.0, "friction": 0.0}
+    off = []
+    for h in (1e-3, 5e-4):
+        grain = points((0, 0.3, 0), velocity=[(0, -4.0, 0)], mass=1.0, radius=0.05)
+        found = energies(
+            table(
+                4.0,
+                h,
+                output={"every": 20},
+                particles=[grain],
+                interactions=[soft],
+                planes=[{"restitution": 1.0}],
+                forces=[{"type": "gravity"}],
+            )
+        )
+        off.append(np.abs(found / found[0] - 1).max())
+    assert off[0] < 5e-4
+    assert off[1] < 0.5 * off[0]

@@ -95,10 +95,8 @@ def core_of(p: Any) -> Any:
     return Particle(p.x, p.y, p.z, p.vx, p.vy, p.vz, p.m, type_of(p.r, 0.5) * p.r, p.T, p.t, p.w, *further(p))
 
 
-def came_from(before: Any, i: Any, q: Any, begin: Any, h: Any, soft: Any) -> Any:
-    """Where a step to q began; with soft contacts, for which it is not kept, it is estimated from the velocity."""
-    if soft:
-        return moved_to(q, q.x - h * q.vx, q.y - h * q.vy, q.z - h * q.vz, q.vx, q.vy, q.vz, begin)
+def came_from(before: Any, i: Any, q: Any, begin: Any) -> Any:
+    """Where a step to q began."""
     return moved_to(
         q, before[0, i], before[1, i], before[2, i], before[3, i], before[4, i], before[5, i], begin
     )
@@ -212,7 +210,7 @@ def _collide(
             rebounds.lies[i] = False
         if hi > 0 and (held is None or held[i] == 0):
             q = core_of(fetch(c, i, end)) if soft else fetch(c, i, end)
-            p = came_from(before, i, q, begin, hi, soft)
+            p = came_from(before, i, q, begin)
             if overlapped(contacts, p, q, hi):
                 behind = rebounds is not None and rebounds.behind is not None and turning(contacts)
                 if behind and not creeps(rebounds, p, q):
