@@ -414,7 +414,7 @@ def go_on(scene: Any, b: Any, motion: Any, i: Any, t: Any, h: Any, second: Any) 
     for each in range(2):
         body = i if each == 0 else hit
         if body != NOBODY and (s.impacts[body] > MOST_IMPACTS or s.looks[body] > MOST_LOOKS):
-            stop(b, s, body, now, h)
+            stop(b, s, motion, body, now, h)
 
 
 def begin_anew(scene: Any, b: Any, i: Any, now: Any, h: Any) -> None:
@@ -428,10 +428,21 @@ def begin_anew(scene: Any, b: Any, i: Any, now: Any, h: Any) -> None:
     follow(s.cells, b, i, h - now)
 
 
-def stop(b: Any, s: Any, i: Any, now: Any, h: Any) -> None:
-    """A body rests until the end of the drift where it is."""
+def stop(b: Any, s: Any, motion: Any, i: Any, now: Any, h: Any) -> None:
+    """A body rests until the end of the drift, and pays for what forces would give it on what is left of its way."""
     bring(b, s, i, now)
     keep_place(b, s, i)
+    velocity_of(b, motion, i)
+    owed, had = 0.0, 0.0
+    for axis in range(3):
+        v, w = motion.now[i, axis], motion.now[i, 3 + axis]
+        owed += (h - now) * (motion.pull[i, axis] * v + motion.pull[i, 3 + axis] * w)
+        had += 0.5 * (v * v / b.w[i] + b.spin[axis, i] * w)
+    if owed > 0 and had > 0:
+        part = np.sqrt(max(1.0 - owed / had, 0.0))
+        for axis in range(3):
+            b.v[axis, i] *= part
+            b.spin[axis, i] *= part
     s.begun[i] = h
     wait(s, i, h)
     s.tired[0] += 1
