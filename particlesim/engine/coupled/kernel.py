@@ -198,10 +198,11 @@ def inertialess(parts: Any) -> bool:
 
 
 def save(q: Any, before: Any) -> None:
-    """Copy the motion of a block to the rows of before [rows, block]."""
+    """Copy the motion of a block to the rows of before [rows, block], as many as there are."""
     for k, column in enumerate(motion(q)):
-        for i in range(column.size):
-            before[k, i] = column[i]
+        if k < before.shape[0]:
+            for i in range(column.size):
+                before[k, i] = column[i]
 
 
 def restore(q: Any, before: Any) -> None:
@@ -230,8 +231,8 @@ def look_at_all(before: Any, c: Any, share: Any) -> None:
 
 
 def back_to_beginning(before: Any, c: Any, share: Any) -> None:
-    """Return a share to the beginning of the step, if that has been kept."""
-    if before is not None:
+    """Return a share to the beginning of the step, if all of that has been kept."""
+    if before is not None and before.shape[0] == len(motion(c)):
         restore(block_of(c, share.first, share.last), before[:, share.first : share.last])
 
 

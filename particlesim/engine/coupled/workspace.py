@@ -162,16 +162,23 @@ NO_LOOK_BACK = Composition | Verlet | WisdomHolmanMethod
 
 
 def scratch(
-    method: Method, count: int, chunk: int, dtype: Any, *, looks_back: bool, spins: bool = False
+    method: Method,
+    count: int,
+    chunk: int,
+    dtype: Any,
+    *,
+    looks_back: bool,
+    cores: bool = False,
+    spins: bool = False,
 ) -> Work:
     """Scratch arrays for an island in chunks of some size; without `looks_back`, contacts and rods do not need the beginning
-    of a step."""
+    of a step, and `cores` its places and velocities alone."""
     stages = method.evaluations + method.adaptive if isinstance(method, RungeKutta) else 0
     estimates = len(method.errors) if isinstance(method, EmbeddedRungeKutta) else 0
-    rows = 12 if spins else 6
+    rows, whole = 12 if spins else 6, looks_back or not isinstance(method, NO_LOOK_BACK)
     return Work(
         np.zeros((rows // 2, count), dtype),
-        np.zeros((rows, count), dtype) if looks_back or not isinstance(method, NO_LOOK_BACK) else None,
+        np.zeros((rows if whole else 6, count), dtype) if whole or cores else None,
         np.zeros((stages, rows, count), dtype),
         np.zeros((3, chunk), dtype),
         np.zeros((estimates, 6, chunk), dtype),

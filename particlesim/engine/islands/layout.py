@@ -55,7 +55,7 @@ class Layout:
         self._method = structure.method
         looks_back = (
             constraint is not None
-            or any(part.contacts != Simple(()) or part.cores is not None for part in self.parts)
+            or any(part.contacts != Simple(()) for part in self.parts)
             or any(each.looks_back for each in self.interactions)
         )
         pieces = any(each.by_chunks for each in interactions) or constraint is not None
@@ -67,6 +67,7 @@ class Layout:
             self._chunk,
             self.dtype,
             looks_back=looks_back,
+            cores=any(part.cores is not None for part in self.parts),
             spins=SPIN in whole.parts,
         )
         # Rods change what bounces once more.
