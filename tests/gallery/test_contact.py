@@ -79,4 +79,6 @@ def test_sand_runs_out_of_an_hourglass_by_beverloos_law() -> None:
 @pytest.mark.optimised
 def test_the_rate_does_not_depend_on_how_much_sand_is_above_and_small_holes_jam() -> None:
     assert grains_a_second(0.012, layers=11) == pytest.approx(grains_a_second(0.012), rel=0.1)
-    assert grains_a_second(0.009) < 0.05 * beverloo(0.009)
+    # At 3.5 diameters hundreds of grains come before an arch holds, at 4.5 many thousands: how many grows without bounds
+    # towards 4.9 (I. Zuriguel et al., Phys. Rev. E 71, 051303 (2005)).
+    assert grains_a_second(0.007) < 0.05 * beverloo(0.007)
