@@ -774,3 +774,16 @@ def test_bounces_off_the_hard_core_of_a_soft_grain_keep_the_energy_to_second_ord
         off.append(np.abs(found / found[0] - 1).max())
     assert off[0] < 5e-4
     assert off[1] < 0.5 * off[0]
+
+
+@SOFT
+def test_grains_that_touch_to_the_last_bit_stay_there(law: dict[str, Any]) -> None:
+    # Nearer than both radii by their squares, and by the distance not: an overlap of 0 that is a contact.
+    r, x = 0.051, (0.58, 0.58 + 2 * 0.051)
+    assert (x[1] - x[0]) ** 2 < (r + r) ** 2
+    grains = points((x[0], 0, 0), (x[1], 0, 0), mass=M, radius=r)
+    found = simulate(
+        1e-3, 1e-4, particles=[grains], interactions=[{**law, "restitution": 0.5, "friction": 0.5}]
+    )
+    assert (found.final.position[:, 0] == x).all()
+    assert (found.final.velocity == 0).all()

@@ -27,6 +27,9 @@ from particlesim.engine.state.columns import type_of
 from particlesim.interactions.contact import HertzRecord, LinearRecord
 from particlesim.laws.contact import reduced_radius, touch
 
+LEAST = 1e-30
+"""An overlap that is less than rounding leaves of any [m]."""
+
 
 class Held(NamedTuple):
     """The memory of a contact: whether and how it touched, and its anchor [m]."""
@@ -134,8 +137,8 @@ def growth(law: Any, p: Any, at: Any, overlap: Any, before: Any) -> Any:
     none, one = overlap - overlap, type_of(overlap, 1)
     if isinstance(law, LinearRecord):
         return none
-    if isinstance(law, HertzRecord):  # as the root of the overlap
-        return one - np.sqrt(min(max(before / overlap, none), one))
+    if isinstance(law, HertzRecord):  # as the root of the overlap, which of two that just touch may be none
+        return one - np.sqrt(min(max(before / max(overlap, type_of(none, LEAST)), none), one))
     return one - min(touch(law, p, before).stiffness / at.stiffness, one)
 
 
