@@ -50,8 +50,10 @@ def _range(frame: Frame, *borders: Any) -> Sequence:
 
 
 @rule(intrinsics.lanes)
-def _lanes(frame: Frame, count: Any) -> Lanes:
-    return Lanes(_range(frame, count))
+def _lanes(frame: Frame, count: Any, abreast: Any = 1) -> Lanes:
+    found = Lanes(_range(frame, count))
+    found.abreast = abreast
+    return found
 
 
 @rule(len)

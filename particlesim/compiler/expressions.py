@@ -36,7 +36,9 @@ class Sequence(tuple):  # type: ignore[type-arg]
 
 
 class Lanes(Sequence):
-    """The turns of a `for` over `lanes`."""
+    """The turns of a `for` over `lanes`, and how many vectors are worked on at a time."""
+
+    abreast: int = 1
 
 
 class NeedsKnown(Unsupported):

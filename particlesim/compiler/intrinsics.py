@@ -83,10 +83,12 @@ def on_stack(rows: int, columns: int, dtype: Any) -> NDArray[Any]:
     return np.empty((rows, columns), dtype)
 
 
-def lanes(count: int) -> range:
+def lanes(count: int, abreast: int = 1) -> range:
     """`range(count)` for a short loop over what fits into vectors: it is not written out turn by turn beforehand.
 
-    LLVM writes out loops of a few turns first, and then sees no loop to vectorise.
+    LLVM writes out loops of a few turns first, and then sees no loop to vectorise. `abreast` vectors are worked on at a
+    time, a step of each after the other, where a single one would wait for every result that the next step needs; `count`
+    must be as many times the numbers of the widest vector, or a multiple.
     """
     return range(count)
 

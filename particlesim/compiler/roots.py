@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from particlesim.compiler.intrinsics import bits_of, exact, fma, number_of
 
 MAGIC = 0x5FE6EB50C7B537A9
@@ -25,6 +27,11 @@ def inverse_sqrt(x: Any) -> Any:
     y = fma(y * d, fma(fma(fma(35 / 128, d, 5 / 16), d, 3 / 8), d, 1 / 2), y)
     d = fma(-(x * y), y, 1.0)  # below 2⁻¹⁹ now, so that two terms do
     return fma(y * d, fma(3 / 8, d, 1 / 2), y)
+
+
+def root(x: Any) -> Any:
+    """√x for x ≥ 0, finite and not subnormal; of a float64 by products, within 2 units of the last place."""
+    return np.sqrt(x) if isinstance(x, np.float32) else x * inverse_sqrt(x)
 
 
 def polynomial(x: float, coefficients: tuple[float, ...]) -> float:

@@ -220,7 +220,7 @@ class Frame(Expressions):
         w.branch(following)
         w.at = following
         w.do(f"store i64 {w.emit(f'add nsw i64 {turn.ref}, {step_ref}')}, ptr {counter}")
-        w.branch(head, w.kept_whole() if isinstance(over, Lanes) else "")
+        w.branch(head, w.kept_whole(over.abreast) if isinstance(over, Lanes) else "")
         self._after_loop(before)
         w.at = after
 

@@ -127,12 +127,23 @@ class Writer:
         self.do(f"br i1 {condition.ref}, label %{yes.label}, label %{no.label}")
         self.at.ended = True
 
-    def kept_whole(self) -> str:
-        """A mark for the way back of a loop that is not to be written out turn by turn."""
-        self.declared.setdefault("!0", '!0 = !{!"llvm.loop.unroll.disable"}')
-        own = f"!{sum(name.startswith('!') for name in self.declared)}"
-        self.declared[own] = f"{own} = distinct !{{{own}, !0}}"
+    def kept_whole(self, abreast: int = 1) -> str:
+        """A mark for the way back of a loop that is not to be written out turn by turn, but in some vectors at a time."""
+        marks = [self._note('"llvm.loop.unroll.disable"')]
+        if abreast > 1:
+            marks.append(self._note(f'"llvm.loop.interleave.count", i32 {abreast}'))
+        own = self._next_note()
+        self.declared[own] = f"{own} = distinct !{{{', '.join([own, *marks])}}}"
         return f", !llvm.loop {own}"
+
+    def _note(self, text: str) -> str:
+        """The name of a note of the module."""
+        if text not in self.declared:
+            self.declared[text] = f"{self._next_note()} = !{{!{text}}}"
+        return self.declared[text].split()[0]
+
+    def _next_note(self) -> str:
+        return f"!{sum(each.startswith('!') for each in self.declared.values())}"
 
     def finish(self, text: str) -> None:
         """End the block with a return."""

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from particlesim.emitters import Schedule
-from particlesim.engine.interactions.contact_lists import aligned
 from particlesim.engine.interactions.interaction import Interaction
 from particlesim.engine.interactions.neighbours.record import Neighbours
 from particlesim.engine.islands.births import Births
@@ -24,6 +23,7 @@ from particlesim.engine.simulation import Events, Simulation
 from particlesim.engine.state.group_state import Deaths, GroupState
 from particlesim.engine.state.table import TABLE
 from particlesim.integrators import Method
+from particlesim.model.arrays import packed
 from particlesim.sampling.random_streams import Streams
 
 Array = NDArray[Any]
@@ -217,7 +217,7 @@ def _restored(value: Any, name: str, saved: Snapshot) -> Any:
     if isinstance(value, np.ndarray):
         new = _fitting(value, saved.arrays[name], name)
         if value.shape != new.shape:
-            value = aligned(new.shape, new.dtype)
+            value = packed(new.shape, new.dtype)
         value[...] = new
         return value
     if isinstance(value, bool | int | float | np.generic):

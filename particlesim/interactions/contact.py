@@ -43,6 +43,7 @@ from pydantic import StrictBool, model_validator
 
 from particlesim.colliders.friction import FallingRestitution, Friction, Rubbing
 from particlesim.colliders.response import FallingRecord, FrictionRecord
+from particlesim.compiler.roots import root
 from particlesim.interactions.base import PairInteraction
 from particlesim.interactions.contact_steps import RAYLEIGH, RESOLVES, contact_time, rayleigh_time
 from particlesim.laws.contact import Touch, contact_law, reduced_mass, reduced_radius
@@ -399,10 +400,10 @@ TWO = 2 * math.sqrt(5 / 6) * math.sqrt(6.0) / ROOT_5
 @contact_law(HertzRecord)
 def hertz_touch(f: HertzRecord, p: Pair, overlap: float) -> Touch:
     m, kind = reduced_mass(p), type(overlap)
-    wide, pull = np.sqrt(reduced_radius(p) * overlap), attraction(f, p, overlap - overlap)
+    wide, pull = root(reduced_radius(p) * overlap), attraction(f, p, overlap - overlap)
     k = kind(4 / 3) * f.normal * wide
     along = kind(8) * f.tangential * wide
-    damping = kind(ROOT_5) * f.beta * np.sqrt(m * k)
+    damping = kind(ROOT_5) * f.beta * root(m * k)
     return Touch(
         k * overlap,
         kind(1.5) * k,

@@ -21,7 +21,17 @@ def zeros(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     *outer, size = shape
     item = np.dtype(dtype).itemsize
     stride = -(-size * item // LINE) * LINE
-    raw = np.zeros(int(np.prod(outer, dtype=int)) * stride + LINE, np.uint8)
+    raw = _memory(int(np.prod(outer, dtype=int)) * stride)
+    return raw.view(dtype).reshape(*outer, stride // item)[..., :size]
+
+
+def packed(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """Zeros without gaps, that begin with a cache line, so that rows of half a line's length, or of one, are in one."""
+    return _memory(int(np.prod(shape, dtype=int)) * np.dtype(dtype).itemsize).view(dtype).reshape(shape)
+
+
+def _memory(size: int) -> NDArray[np.uint8]:
+    """Bytes from the beginning of a cache line on, 0 each."""
+    raw = np.zeros(size + LINE, np.uint8)
     first = -raw.ctypes.data % LINE
-    whole = raw[first : raw.size - LINE + first].view(dtype).reshape(*outer, stride // item)
-    return whole[..., :size]
+    return raw[first : first + size]

@@ -29,6 +29,7 @@ from particlesim.engine.interactions.neighbours.record import (
     SLICES,
     slice_of,
 )
+from particlesim.model.arrays import packed
 
 CHUNK_GROUPS, LARGE_CHUNK, MANY = 64, 256, 32
 """Groups of a chunk: as many as leave most pairs inside, but few enough for threads to share their work; the larger number
@@ -43,9 +44,6 @@ BUILT, WANTED, FRESH, ROUND = range(4)
 """In `report`: the number of the neighbour lists that these are made from, how many pairs there have been at most, whether
 forces are those of the present state since it was concluded, and how often memories have been brought up to date, from 1
 on."""
-
-LINE = 64
-"""Bytes of a cache line."""
 
 Array = NDArray[Any]
 
@@ -106,15 +104,7 @@ def chunks_of(places: int) -> int:
 
 def new_memory(room: int, dtype: Any, *, rolls: bool) -> Memory:
     """A memory of nothing."""
-    return Memory(aligned((room, 4), dtype), aligned((room, 4), dtype) if rolls else None)
-
-
-def aligned(shape: tuple[int, ...], dtype: Any) -> Array:
-    """Zeros that begin at a cache line, so that rows of a line's length are in one."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    room = np.zeros(size + LINE, np.uint8)
-    first = -room.ctypes.data % LINE
-    return room[first : first + size].view(dtype).reshape(shape)
+    return Memory(packed((room, 4), dtype), packed((room, 4), dtype) if rolls else None)
 
 
 def new_lists(places: int, particles: int, room: int, memory: Memory | None) -> Lists:
@@ -125,8 +115,8 @@ def new_lists(places: int, particles: int, room: int, memory: Memory | None) -> 
     return Lists(
         np.zeros(groups, np.int64),
         np.zeros(groups, np.int64),
-        np.zeros(room, np.int32),
-        np.zeros(room, np.uint32),
+        packed((room,), np.int32),
+        packed((room,), np.uint32),
         np.full(places, -1, np.int32),
         np.full(particles, -1, np.int32),
         np.zeros(1),
@@ -141,8 +131,8 @@ def draft_for(lists: Lists) -> Draft:
     return Draft(
         np.zeros(groups, np.int64),
         np.zeros(groups, np.int64),
-        np.zeros(room, np.int32),
-        np.zeros(room, np.uint32),
+        packed((room,), np.int32),
+        packed((room,), np.uint32),
         np.zeros(chunks_of(places), np.int8),
         None if memory is None else new_memory(room, memory.anchor.dtype, rolls=memory.rolled is not None),
     )

@@ -1,6 +1,6 @@
 """Forces of the pairs of a chunk, and the memory of their contacts.
 
-Some pairs at a time are tested; those that touch are gathered, computed in vectors, eight contacts at once, and added to the
+Some pairs at a time are tested; those that touch are gathered, computed in vectors, some contacts at once, and added to the
 forces of the chunk, in the order of the list, which depends on the state alone. What the law reads of a member is one row of
 an array, and so is the memory of a contact: in a large heap, which fits into no cache, a contact costs as many cache lines
 as it has rows.
@@ -25,8 +25,10 @@ from particlesim.laws.pair import Pair
 
 BATCH = 64
 """Pairs that are tested, gathered and worked out together."""
-AT_ONCE = 4
-"""Pairs of the next batch that are asked for with eight contacts."""
+ABREAST = 2
+"""Vectors of contacts that are worked out at a time: of one alone, roots and slides wait for each other most of the time."""
+AT_ONCE = 8
+"""Pairs of the next batch that are asked for with some contacts."""
 GAP = 1e-9
 """Part of the radii by which centres that coincide count as apart, along x, away from the one with the larger row."""
 PLACE, MOTION, TURN, ANGLE = 0, 4, 8, 12
@@ -138,9 +140,14 @@ def room_for(each: Any, kind: Any) -> Any:
     return given, found, on_stack(3, BATCH, np.int64)
 
 
-def part_of(rows: Any, first: Any) -> Any:
-    """Eight of a batch."""
-    return type(rows)(*[None if each is None else each[first : first + GROUP] for each in rows])
+def wide(kind: Any) -> Any:
+    """Contacts that are worked out together: numbers of the widest vectors, ABREAST."""
+    return ABREAST * (2 * GROUP if kind == np.float32 else GROUP)
+
+
+def part_of(rows: Any, first: Any, count: Any) -> Any:
+    """Some of a batch."""
+    return type(rows)(*[None if each is None else each[first : first + count] for each in rows])
 
 
 @outlined
@@ -150,6 +157,7 @@ def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted:
     lists, near, rows = each.lists, each.near, each.rows
     memory = lists.memory
     given, found, at = room_for(each, near.x.dtype)
+    some = wide(near.x.dtype)
     begin = lists.begin[first // GROUP]
     end, total = lists.begin[last // GROUP - 1] + lists.count[last // GROUP - 1], 0.0
     for lo in range(begin, end, BATCH):
@@ -178,12 +186,12 @@ def take_pairs(each: Any, first: Any, last: Any, spare: Any, what: Any, shifted:
             ask_for(each, lo + BATCH + k, end)
             gather(each, given, k, at[0, k], at[1, k], at[2, k], shifted)
         asked = count
-        for b in range((count + GROUP - 1) // GROUP):
+        for b in range((count + some - 1) // some):
             for k in range(asked, min(asked + AT_ONCE, BATCH)):
                 ask_for(each, lo + BATCH + k, end)
             asked += AT_ONCE
-            part, out = part_of(given, GROUP * b), part_of(found, GROUP * b)
-            for i in lanes(GROUP):
+            part, out = part_of(given, some * b, some), part_of(found, some * b, some)
+            for i in lanes(some, ABREAST):
                 work_out(each, part, out, i, what, ago)
         for k in range(asked, BATCH):
             ask_for(each, lo + BATCH + k, end)

@@ -30,7 +30,6 @@ from particlesim.engine.interactions.contact_lists import (
     Draft,
     Lists,
     Memory,
-    aligned,
     chunk_groups,
     chunks_of,
     contacts_in,
@@ -88,6 +87,7 @@ from particlesim.engine.state.columns import held, in_step, motion
 from particlesim.engine.state.table import SPIN
 from particlesim.interactions import PairSet
 from particlesim.interactions.contact import JkrRecord, jumps
+from particlesim.model.arrays import packed
 
 AHEAD, LINE = 64, 8
 """Particles whose sums are asked for ahead, and how many there are in a cache line of a column."""
@@ -415,7 +415,7 @@ def with_room(lists: Lists, room: int) -> Lists:
     def longer(array: Any) -> Any:
         if array is None:
             return None
-        made = aligned((room, *array.shape[1:]), array.dtype)
+        made = packed((room, *array.shape[1:]), array.dtype)
         made[: len(array)] = array
         return made
 
@@ -455,9 +455,9 @@ def contacts_of(site: Site, pairs: PairSet) -> Contacts:
     memory = new_memory(room, site.dtype, rolls=law.rolling is not None) if keeps else None
     lists = new_lists(places, site.whole.count, room, memory)
     turns = True if SPIN in site.whole.parts and memory is not None else None
-    rows = aligned((places, TURN if turns is None else ANGLE + QUAD), site.dtype)
+    rows = packed((places, TURN if turns is None else ANGLE + QUAD), site.dtype)
     rows[:, :3] = FAR
     walls, marks = walls_of(site, pairs)
     found = found._replace(near=found.near._replace(x=rows[:, :3].T), seen=seen_in(rows, found.seen))
-    found = found._replace(pull=aligned((places + chunks_of(places), QUAD + TORQUE), site.dtype))
+    found = found._replace(pull=packed((places + chunks_of(places), QUAD + TORQUE), site.dtype))
     return Contacts(*found, lists, draft_for(lists), rows, turns, walls, marks)

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particlesim.compiler.roots import inverse_sqrt
+from particlesim.compiler.roots import inverse_sqrt, root
 from particlesim.engine.interactions.contact_lists import HOLDS, SLIDES
 from particlesim.engine.state.columns import type_of
 from particlesim.interactions.contact import HertzRecord, LinearRecord
@@ -138,7 +138,7 @@ def growth(law: Any, p: Any, at: Any, overlap: Any, before: Any) -> Any:
     if isinstance(law, LinearRecord):
         return none
     if isinstance(law, HertzRecord):  # as the root of the overlap, which of two that just touch may be none
-        return one - np.sqrt(min(max(before / max(overlap, type_of(none, LEAST)), none), one))
+        return one - root(min(max(before / max(overlap, type_of(none, LEAST)), none), one))
     return one - min(touch(law, p, before).stiffness / at.stiffness, one)
 
 
