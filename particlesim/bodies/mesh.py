@@ -20,6 +20,7 @@ from particlesim.bodies.pieces import HULL, Piece, overlapping, union_of
 from particlesim.bodies.shape import UNTURNED
 from particlesim.colliders.content import FromFile
 from particlesim.colliders.mesh import TURN, bounding, require_solid, told_of_flat, without_flat
+from particlesim.colliders.overlaps import closed_surfaces
 from particlesim.colliders.triangulation import Triangles
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
@@ -137,13 +138,7 @@ class MeshBody(FromFile, BodyShape):
 
 def convex_parts(corners: Floats, faces: Ints) -> list[Ints]:
     """The corners of every closed surface of triangles that has its fronts outwards; others are hollows in these."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]]).T
-    near = coo_array((np.ones(edges.shape[1], np.int8), (edges[0], edges[1])), shape=(len(corners),) * 2)
-    label = connected_components(near, directed=False)[1][faces[:, 0]]
-    parts = [faces[label == number] for number in dict.fromkeys(label.tolist())]
+    parts = closed_surfaces(corners, faces)
     return [np.unique(part) for part in parts if enclosed_by(corners, part).volume > 0]
 
 

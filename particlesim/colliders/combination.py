@@ -21,6 +21,7 @@ from particlesim.colliders import COMPONENTS, SOLIDS
 from particlesim.colliders.emptiness import common_of, surely_apart
 from particlesim.colliders.gaps import gaps_and_normals_of, gaps_of
 from particlesim.colliders.half_space import HalfSpace
+from particlesim.colliders.mesh import Mesh
 from particlesim.colliders.parts import IntersectionRecord, UnionRecord, spread
 from particlesim.colliders.solid import GRAIN, HollowConvexRecord, HollowRecord, Solid, SolidCollider
 from particlesim.colliders.triangulation import (
@@ -91,6 +92,15 @@ class Combination(Solid):
             if isinstance(part, Combination):
                 yield from part.empty()
 
+    def hollow_parts(self, inside: bool) -> Iterator[Solid]:
+        """The solids among its parts of which the outside counts, where it is a container or not."""
+        for k, part in enumerate(self.of):
+            hollow = inside != (isinstance(self, Difference) and k > 0)
+            if isinstance(part, Combination):
+                yield from part.hollow_parts(hollow)
+            elif hollow:
+                yield part
+
     def surface_of(self, part: Solid) -> Triangles:
         """The surface of a part, without walls in it; of a plane, what there is about all others."""
         if isinstance(part, HalfSpace):
@@ -129,6 +139,9 @@ class CombinationCollider(SolidCollider):
         assert isinstance(self, Combination)
         for words in self.empty():
             yield f"{name}: no place was found in {words}: it seems to be empty, or is too thin to be met"
+        for part in self.hollow_parts(self.inside):
+            if isinstance(part, Mesh) and (fault := part.seen_from_inside()) is not None:
+                yield f"{name}: {fault}"
 
 
 def _outside_of(part: Solid) -> Any:

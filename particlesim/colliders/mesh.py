@@ -15,6 +15,7 @@ from pydantic import PrivateAttr, model_validator
 
 from particlesim.colliders.bvh import BvhRecord, build, coarse, first_triangle, nearest_triangle
 from particlesim.colliders.content import SolidFromFile
+from particlesim.colliders.overlaps import overlap_of
 from particlesim.colliders.pose import UNTURNED, Orientation, Rows
 from particlesim.colliders.solid import SolidCollider
 from particlesim.colliders.triangulation import Triangles, three_cornered
@@ -119,6 +120,21 @@ class Mesh(TriangleSolid):
         self._surface = Triangles(corners, solid)
         self._content = content
 
+    def seen_from_inside(self) -> str | None:
+        """What is wrong with it as a container, or as what is taken away from another solid; None if nothing is."""
+        at = (
+            None
+            if self.thickness is not None
+            else overlap_of(self.triangles().corners, self.triangles().faces)
+        )
+        if at is None:
+            return None
+        x, y, z = at
+        return (
+            f"closed surfaces of {self.path} run into each other, as at ({x:.4g}, {y:.4g}, {z:.4g}): seen from inside, "
+            "each is a wall in the others"
+        )
+
     def geometry(self) -> Any:
         if self.thickness is None:
             return super().geometry()
@@ -141,6 +157,15 @@ class MeshCollider(Mesh, SolidCollider):
                 "a sheet has no inside", at=("inside",), also=[(("thickness",), "makes it a sheet")]
             )
         return self
+
+    def take(self, content: tuple[Floats, Ints]) -> None:
+        super().take(content)
+        if self.inside and (fault := self.seen_from_inside()) is not None:
+            raise UsageError(
+                fault,
+                "programs that edit meshes can join them; or give each a file of its own, and put these together: "
+                'type = "union", of = [ … ], inside = true',
+            )
 
     def shape(self) -> Any:
         record = self.geometry()

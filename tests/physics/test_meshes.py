@@ -24,6 +24,8 @@ from particlesim.engine.independent.kernel import new_room, step_range
 from particlesim.engine.step.program import BLOCK
 from particlesim.forces import Gravity
 from particlesim.laws.registry import Particle, first_contact, gap
+from particlesim.preflight.advice import advice
+from particlesim.scenario.open_colliders import open_colliders
 
 
 def ball(path: Path, change: Any = None) -> None:
@@ -44,6 +46,12 @@ def scenario(tmp_path: Path, *colliders: dict[str, Any], **tables: Any) -> ps.Sc
         **tables,
     }
     return ps.load(tmp_path / "s.toml", overrides)
+
+
+def told_of(made: ps.Scenario) -> str:
+    """What a run would say, in one."""
+    open_colliders(made)
+    return "\n".join(advice(made))
 
 
 def test_a_grain_bounces_off_the_top_of_a_mesh(tmp_path: Path) -> None:
@@ -83,6 +91,27 @@ def test_open_and_inside_out_meshes_are_no_solids(tmp_path: Path) -> None:
         ps.run(scenario(tmp_path, {"type": "mesh", "path": "none.ply"}))
     with pytest.raises(ps.UsageError, match="not read from a file"):
         ps.run(scenario(tmp_path, {"type": "mesh", "path": "open.png"}))
+
+
+def test_surfaces_that_run_into_each_other_are_no_container(tmp_path: Path) -> None:
+    # Seen from outside they are the union of what they enclose.
+    sides = {"cross": (0.4, 1.2, 0.4), "apart": (0.1, 0.1, 0.1), "hollow": (-0.2, 0.2, 0.2)}
+    for name, size in sides.items():
+        boxes = [trimesh.creation.box([0.8, 0.6, 0.6]), trimesh.creation.box(np.abs(size))]
+        boxes[1].apply_translation([0, 2 if name == "apart" else 0, 0])
+        if size[0] < 0:
+            boxes[1].invert()
+        trimesh.util.concatenate(boxes).export(tmp_path / f"{name}.ply")
+    room = {"type": "mesh", "inside": True, "path": "cross.ply"}
+    with pytest.raises(ps.UsageError, match=r"cross\.ply run into each other, as at") as caught:
+        ps.run(scenario(tmp_path, room))
+    assert 'type = "union"' in str(caught.value)
+    for name in ("apart", "hollow"):
+        ps.run(scenario(tmp_path, {**room, "path": f"{name}.ply"}))
+    solid = {"type": "mesh", "path": "cross.ply"}
+    parts = [{"type": "box", "size": [2, 2, 2]}, solid]
+    told = [told_of(scenario(tmp_path, each)) for each in ({"type": "difference", "of": parts}, solid)]
+    assert ["run into each other" in each for each in told] == [True, False]
 
 
 def test_triangles_without_area_are_dropped_and_told(tmp_path: Path) -> None:
