@@ -1,19 +1,20 @@
 """Settled grains by Hertz–Mindlin contacts with history, against LAMMPS' granular package; growth of time with number.
 
-    python tests/bench/bench_grains.py [--grains 100000] [--rounds 3] [--lammps /path/to/venv] [--settled FILE]
+    python tests/bench/bench_grains.py [--grains 100000] [--rounds 3] [--threads 2] [--lammps /path/to/venv] [--settled FILE]
     python tests/bench/bench_grains.py --growth [--threads 2] [--rounds 3]
 
 Equal spheres that have settled in a box with five walls: LAMMPS lets them fall, and both go on from there, in steps of the
-same length, on one thread. CPU time, in turn, several rounds; the best of each is compared. `--lammps` names a virtual
+same length, on one thread, or on as many as LAMMPS has processes. By a clock, in turn, several rounds; the best of each is
+compared, and the ratios of all rounds are printed. `--lammps` names a virtual
 environment with the package lammps, `--settled` a data file of LAMMPS to go on from, which is written if it is not there:
 to settle takes much longer than to measure. `--growth` takes 10⁴ grains that psim has let settle, and nine and a hundred
-times as many, as mirror images side by side; it needs no peer. On more than one thread, times are those of a clock.
+times as many, as mirror images side by side; it needs no peer.
 """
 
 from __future__ import annotations
 
 import argparse
-import resource
+import re
 import subprocess
 import tempfile
 import time
@@ -78,8 +79,8 @@ def write(path: Path, x: NDArray[np.float64], edge: float) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
-def by_lammps(venv: str, folder: Path, start: Path, edge: float, runs: str) -> float:
-    """CPU seconds of LAMMPS."""
+def by_lammps(venv: str, folder: Path, start: Path, edge: float, runs: str, threads: int = 1) -> float:
+    """Seconds that LAMMPS tells of the last of its runs."""
     # its coefficient is that of k √(R δ), its damper γ m √(R δ)
     script = folder / "in.grains"
     e_star = YOUNG / (2 * (1 - POISSON**2))
@@ -95,11 +96,11 @@ def by_lammps(venv: str, folder: Path, start: Path, edge: float, runs: str) -> f
             runs=runs,
         )
     )
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [f"{venv}/bin/lmp", "-in", str(script), "-log", "none", "-screen", "none"]
+    command = [f"{venv}/bin/lmp", "-in", str(script), "-log", "log", "-screen", "none"]
+    if threads > 1:
+        command = [f"{venv}/bin/mpirun", "-np", str(threads), *command]
     subprocess.run(command, check=True, cwd=folder)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return float(re.findall(r"Loop time of (\S+)", (folder / "log").read_text())[-1])
 
 
 def settled(path: Path) -> NDArray[np.float64]:
@@ -170,8 +171,8 @@ def timed(one: Simulation, steps: int, clock: Callable[[], float] = time.process
     return clock() - start
 
 
-def against_lammps(number: int, rounds: int, venv: str, given: Path | None) -> None:
-    """CPU time for each grain and step of both."""
+def against_lammps(number: int, rounds: int, venv: str, given: Path | None, threads: int) -> None:
+    """Time for each grain and step of both."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         start = (given or folder / "settled.data").absolute()
@@ -181,21 +182,29 @@ def against_lammps(number: int, rounds: int, venv: str, given: Path | None) -> N
             runs = f"run {SETTLING}\nwrite_data {start} nocoeff"
             by_lammps(venv, folder, folder / "loose.data", edge, runs)
         x = settled(start)
-        one = simulation(x, edge)
+        one = simulation(x, edge, threads=threads)
         one.advance_to(WARM)
         steps = max(20_000_000 // number, 100)
         mine, theirs = [], []
         for _ in range(rounds):
-            spent = [by_lammps(venv, folder, start, edge, f"run {WARM}\nrun {last}") for last in (0, steps)]
-            theirs.append((spent[1] - spent[0]) / steps / number)
-            mine.append(timed(one, steps) / steps / number)
+            spent = by_lammps(venv, folder, start, edge, f"run {WARM}\nrun {steps}", threads)
+            theirs.append(spent / steps / number)
+            mine.append(timed(one, steps, time.perf_counter) / steps / number)
             print(
                 f"  psim {mine[-1] * 1e9:6.1f} ns, LAMMPS {theirs[-1] * 1e9:6.1f} ns, for each grain and step",
                 flush=True,
             )
         found = len(contacts_in(one.islands[0].interactions[0].lists)[0])
         print(f"{number} grains, {2 * found / number:.1f} contacts each (those of two chunks twice)")
-        print(f"LAMMPS takes {min(theirs) / min(mine):.2f} times as long")
+        ratios = ", ".join(f"{b / a:.2f}" for a, b in sorted(zip(mine, theirs, strict=True), key=ratio_of))
+        print(
+            f"LAMMPS takes {min(theirs) / min(mine):.2f} times as long, best over best; in single rounds {ratios}"
+        )
+
+
+def ratio_of(pair: tuple[float, float]) -> float:
+    """The second over the first."""
+    return pair[1] / pair[0]
 
 
 def against_newton(rounds: int, python: str, given: Path) -> None:
@@ -273,12 +282,12 @@ def main() -> None:
     parser.add_argument("--newton", help="a Python that has newton; with --settled")
     parser.add_argument("--settled", type=Path)
     parser.add_argument("--growth", action="store_true")
-    parser.add_argument("--threads", type=int, default=1, help="of --growth")
+    parser.add_argument("--threads", type=int, default=1, help="of --growth and --lammps")
     given = parser.parse_args()
     if given.newton and not given.lammps and not (given.settled and given.settled.is_file()):
         parser.error("--newton goes on from --settled FILE, which --lammps writes if it is not there")
     if given.lammps:
-        against_lammps(given.grains, given.rounds, given.lammps, given.settled)
+        against_lammps(given.grains, given.rounds, given.lammps, given.settled, given.threads)
     if given.newton:
         against_newton(given.rounds, given.newton, given.settled)
     if given.growth:
