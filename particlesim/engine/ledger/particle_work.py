@@ -105,7 +105,7 @@ class ParticleBooks:
             books.book_powers(0, [books.powers(0, c, t) for c, t in states], SIMPSON, step.h)
         if self._contact:
             change = books.energies(0, columns, finish) - books.energies(0, path, finish)
-            books.add("contact", float(change.sum()) - met_jolts(path, columns, books.jolts))
+            books.add("contact", float(change.sum()) - met_jolts(path, columns, books.jolts, step.h))
 
     @LENIENT
     def book_legs(self, legs: Legs, columns: Columns, method: EmbeddedRungeKutta) -> None:
@@ -257,7 +257,10 @@ class IslandBooks:
                 self._energy(c, potential, parts, end)
                 for c, potential in zip((columns, path), stored((columns, path)), strict=True)
             )
-            books.add("contact", now - without - met_jolts(path, columns, books.jolts))
+            books.add(
+                "contact",
+                now - without - met_jolts(path, columns, books.jolts, np.full(columns.x.size, end - start)),
+            )
 
     @LENIENT
     def book_breaking(

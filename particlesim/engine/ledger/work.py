@@ -132,14 +132,14 @@ def unjolted(columns: Columns, jolts: Sequence[tuple[Ints, Floats]]) -> Columns:
     return columns
 
 
-def met_jolts(before: Columns, after: Columns, jolts: Sequence[tuple[Ints, Floats]]) -> float:
-    """What contact, which has changed the velocities at the end of a step, seems to take of a jolt and does not [J]:
-    J·Δv/2 of its impulse J, by the same way."""
+def met_jolts(before: Columns, after: Columns, jolts: Sequence[tuple[Ints, Floats]], h: Floats) -> float:
+    """What contact, which has changed the places at the end of steps of h [s], gives of what acts by jolts [J]: f·d with
+    f = m Δv/h and its displacement d."""
     total = 0.0
     for rows, change in jolts:
-        for name, by in zip(("vx", "vy", "vz"), change[3:], strict=True):
+        for name, by in zip(("x", "y", "z"), change[3:], strict=True):
             gone = (getattr(after, name)[rows] - getattr(before, name)[rows]).astype(float)
-            total += 0.5 * float((after.m[rows] * gone * by).sum())
+            total += float((after.m[rows] * gone * by / h[rows]).sum())
     return total
 
 
