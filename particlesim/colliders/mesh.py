@@ -122,11 +122,10 @@ class Mesh(TriangleSolid):
 
     def seen_from_inside(self) -> str | None:
         """What is wrong with it as a container, or as what is taken away from another solid; None if nothing is."""
-        at = (
-            None
-            if self.thickness is not None
-            else overlap_of(self.triangles().corners, self.triangles().faces)
-        )
+        if self.thickness is not None or not self.is_open:
+            return None
+        surface = self.triangles()
+        at = overlap_of(surface.corners, surface.faces)
         if at is None:
             return None
         x, y, z = at

@@ -5,10 +5,10 @@
 
 Equal spheres that have settled in a box with five walls: LAMMPS lets them fall, and both go on from there, in steps of the
 same length, on one thread, or on as many as LAMMPS has processes. By a clock, in turn, several rounds; the best of each is
-compared, and the ratios of all rounds are printed. `--lammps` names a virtual
-environment with the package lammps, `--settled` a data file of LAMMPS to go on from, which is written if it is not there:
-to settle takes much longer than to measure. `--growth` takes 10⁴ grains that psim has let settle, and nine and a hundred
-times as many, as mirror images side by side; it needs no peer.
+compared, and the ratios of all rounds are printed. `--lammps` names a virtual environment with the package lammps,
+`--settled` a data file of LAMMPS to go on from, which is written if it is not there: to settle takes much longer than to
+measure. `--growth` takes 10⁴ grains that psim has let settle, and nine and a hundred times as many, as mirror images side by
+side; it needs no peer. Its times, and those of `--newton`, are of the CPU; with more than one thread they are of a clock.
 """
 
 from __future__ import annotations

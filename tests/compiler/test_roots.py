@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.compiler import kernel
-from particlesim.compiler.roots import inverse_sqrt
+from particlesim.compiler.roots import inverse_sqrt, root
 
 
 @kernel
@@ -39,3 +39,10 @@ def test_roots_are_within_11_tenths_of_the_last_place() -> None:
 
 def test_a_nan_stays_one() -> None:
     assert math.isnan(inverse_sqrt(math.nan))
+
+
+def test_a_root_is_within_two_units_of_the_last_place() -> None:
+    for x in numbers().tolist():
+        assert abs(root(x) - math.sqrt(x)) <= 2 * math.ulp(math.sqrt(x))
+    assert root(0.0) == 0
+    assert root(np.float32(2)) == np.sqrt(np.float32(2))

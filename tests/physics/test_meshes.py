@@ -110,6 +110,8 @@ def test_surfaces_that_run_into_each_other_are_no_container(tmp_path: Path) -> N
         ps.run(scenario(tmp_path, {**room, "path": f"{name}.ply"}))
     solid = {"type": "mesh", "path": "cross.ply"}
     parts = [{"type": "box", "size": [2, 2, 2]}, solid]
+    unread = scenario(tmp_path, {"type": "difference", "of": [parts[0], {**solid, "path": "none.ply"}]})
+    assert "run into each other" not in "\n".join(advice(unread))  # which has not been looked for
     told = [told_of(scenario(tmp_path, each)) for each in ({"type": "difference", "of": parts}, solid)]
     assert ["run into each other" in each for each in told] == [True, False]
 
