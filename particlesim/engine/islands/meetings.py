@@ -21,6 +21,7 @@ from particlesim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
     from particlesim.engine.islands.rigid import RigidIsland
+    from particlesim.engine.rigid.tied_rebounds import Flight
 
 # What steps bodies is imported where there are some.
 
@@ -46,6 +47,9 @@ class Meetings:
         self._states = [next(state for state in states if state.name == name) for name in self._surfaces]
         ties = None if self._bodies is None else self._bodies.ties
         self._tied, self._held = ({}, {}) if ties is None else (ties.rows, ties.held)
+        held = [(name, self._held.get(name, np.empty(0, np.int64))) for name in self._tied]
+        hang = {name: np.setdiff1d(self._tied[name], rows) for name, rows in held}
+        self._hang = {name: rows for name, rows in hang.items() if len(rows)}
         for name in self._tied:
             if name not in self._surfaces:
                 self._surfaces[name] = no_contact(len(names))
@@ -56,6 +60,7 @@ class Meetings:
         self._worked: list[float] = []
         self._there: list[tuple[GroupState, Ints]] = []
         self._slow = np.empty(0, np.bool_)
+        self._flights: list[Flight] = []
 
     def __bool__(self) -> bool:
         return bool(self._states)
@@ -186,6 +191,7 @@ class Meetings:
     def dismiss(self) -> None:
         """After it: particles get their new velocities, and methods that remember the old ones start anew."""
         from particlesim.engine.rigid.hearing import tell_particles
+        from particlesim.engine.rigid.tied_rebounds import flights_of
 
         assert self._bodies is not None
         after, visitors = self._bodies.left, self._bodies.visitors
@@ -212,6 +218,11 @@ class Meetings:
             if len(rows):
                 self._islands[state.name].fit()
         self._bodies.ties.leave(after.v - visitors.v, visitors.gain)
+        self._flights = []
+        if self._hang:
+            held, touch = len(self._held), self._bodies.support.pairs.touch
+            given = after.v - visitors.v
+            self._flights = flights_of(self._chosen, self._hang, held, touch, given, visitors.gain)
         loose = [
             (state, rows[np.isin(rows, self._tied.get(state.name, []), invert=True)])
             for state, rows in self._chosen
@@ -227,11 +238,27 @@ class Meetings:
         if self._bodies is None or not self._states:
             return None
         self._bodies.take_blows()
+        self._put_right((step + 1) * self._dt)
         self._bodies.loads.arrive(self._dt)
         self._hold()
         if not self._bodies.ties:
             return None
         return self._bodies.hold_ends(step, touched=self._contact_work() != self._worked)
+
+    def _put_right(self, time: float) -> None:
+        """Particles on springs that have hit something in their own step, until this time, get the velocities that they
+        should have."""
+        from particlesim.engine.rigid.tied_rebounds import put_right
+
+        bodies = self._bodies
+        assert bodies is not None
+        work = put_right(self._flights, bodies.support, lambda: bodies.forces_on_tied(time), time, self._dt)
+        for name, joule in work.items():
+            island = self._islands[name]
+            island.fit()
+            if island.books is not None and "contact" in island.books.names:
+                island.books.add("contact", joule)
+        self._flights = []
 
     def _hold(self) -> None:
         """Particles that lie on bodies get the velocities that contact has aimed at, as far as what they did since then

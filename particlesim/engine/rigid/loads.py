@@ -70,8 +70,9 @@ class Loads:
 def rows_of(state: GroupState, ids: Ints) -> Ints:
     """Where particles are in their group now, −1 for those that are gone."""
     now = state.id[: state.count]
-    order = np.argsort(now)
-    if not len(order):
+    if not len(now):
         return np.full(len(ids), -1)
-    found = order[np.minimum(np.searchsorted(now, ids, sorter=order), len(order) - 1)]
+    order = None if (now[1:] > now[:-1]).all() else np.argsort(now)
+    at = np.minimum(np.searchsorted(now, ids, sorter=order), len(now) - 1)
+    found = at if order is None else order[at]
     return np.where(now[found] == ids, found, -1)

@@ -45,8 +45,9 @@ class Ties:
             rows += [springs.second for springs, tied in self._sets if tied == name]
             self.rows[name], self._states[name] = np.unique(np.concatenate(rows)), particles[name]
         self.gained = {name: np.zeros((2, 3, state.count)) for name, state in self._states.items()}
-        """How much what else acts on them has changed their velocities in the last two steps [m/s], the last one first,
-        shape [2, 3, particles]."""
+        """By how much what else acts on them has changed their velocities in the last step, and is expected to in the next
+        one [m/s], shape [2, 3, particles]."""
+        self._left: dict[str, Floats] = {}
         self.given = self.awaited = np.zeros((3, 0))
         """Of the present step, and of particles on rods [m/s], shape [3, n]: velocities that bodies have given them, and
         changes by what else acts on them for which those are right."""
@@ -93,28 +94,31 @@ class Ties:
             first += len(rows)
 
     def gain(self, chosen: Sequence[tuple[GroupState, Ints]]) -> Floats:
-        """By how much what else acts on visitors, rows of groups, changes their velocities in a step [m/s], shape
-        [3, visitors]: as it did in the last one, or where that was more than twice as much as in the one before, as in that:
-        an impact is not awaited again."""
+        """By how much what else acts on visitors, rows of groups, is expected to change their velocities in a step [m/s],
+        shape [3, visitors]."""
         parts = [np.zeros((3, len(rows))) for _, rows in chosen]
         for part, (state, rows) in zip(parts, chosen, strict=True):
             if state.name in self.gained:
-                last, before = self.gained[state.name][:, :, rows]
-                part[:] = np.where((last**2).sum(axis=0) <= 4 * (before**2).sum(axis=0), last, before)
+                part[:] = self.gained[state.name][1][:, rows]
         return np.concatenate(parts, axis=1)
 
     def leave(self, given: Floats, awaited: Floats) -> None:
         """Visitors, those that rods hold first, are about to make their own steps."""
         number = sum(map(len, self.held.values()))
         self.given, self.awaited = given[:, :number], awaited[:, :number]
-        for name, state in self._states.items():
-            self.gained[name][1] = self.gained[name][0]
-            self.gained[name][0][:, self.rows[name]] = -state.v[:, self.rows[name]]
+        self._left = {name: state.v[:, : state.count].astype(float) for name, state in self._states.items()}
 
     def arrive(self) -> None:
-        """They have made them."""
+        """They have made them. What has changed a velocity as in the step before, or no more than twice as much as was
+        expected, is expected again: an impact is not, nor is one after another."""
         for name, state in self._states.items():
-            self.gained[name][0][:, self.rows[name]] += state.v[:, self.rows[name]]
+            last, expected = self.gained[name]
+            came = state.v[:, : state.count] - self._left[name]
+            again = ((came - last) ** 2).sum(axis=0) <= (last**2).sum(axis=0)
+            again |= (came**2).sum(axis=0) <= 4 * (expected**2).sum(axis=0)
+            expected[:] = np.where(again, came, expected)
+            last[:] = came
+        self._left = {}
 
     def unforeseen(self) -> float:
         """The energy that rods have taken in excess [J], as velocities have changed by δ more than was expected:
