@@ -126,7 +126,7 @@ class Meetings:
         lag = [np.full(len(rows), self._lag[state.name]) for state, rows in self._chosen]
         load = np.concatenate([load, [np.concatenate(lag)]])
         self._bodies.guests = tuple(state.name for state, _ in self._chosen)
-        flags = (hang, np.concatenate(swift), np.concatenate([*held, *stands]))
+        flags = (hang, np.concatenate(swift), np.concatenate([*(each + 1 for each in held), *stands]))
         self._bodies.visitors = among(self._chosen, np.ascontiguousarray(surfaces), load, number, *flags)
         self._bodies.pull_on = self._accelerations
 
@@ -217,12 +217,12 @@ class Meetings:
             state.let_know(rows, state.v[:, rows] - had)
             if len(rows):
                 self._islands[state.name].fit()
-        self._bodies.ties.leave(after.v - visitors.v, visitors.gain)
+        self._bodies.ties.leave(after.v - visitors.v, visitors.gain, after.lifted)
         self._flights = []
         if self._hang:
             held, touch = len(self._held), self._bodies.support.pairs.touch
-            given = after.v - visitors.v
-            self._flights = flights_of(self._chosen, self._hang, held, touch, given, visitors.gain)
+            gains = (after.v - visitors.v, visitors.gain, after.touched)
+            self._flights = flights_of(self._chosen, self._hang, held, touch, *gains)
         loose = [
             (state, rows[np.isin(rows, self._tied.get(state.name, []), invert=True)])
             for state, rows in self._chosen

@@ -301,7 +301,7 @@ class RigidIsland(BaseIsland):
             end_step(self._obstacles, b, guests.free, motion.pull[:n])
         self.told = share_out(scene.hearing, self._scene.hearing)
         self._asked, self.visitors = lies(guests), visitors
-        self.left = left(whole, guests, visitors, step * self.dt, self.dt)
+        self.left = left(whole, self._contacts, guests, visitors, step * self.dt, self.dt)
         return None
 
     def put_out(self, x: Floats, there: Ints) -> bool:

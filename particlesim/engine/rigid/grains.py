@@ -265,6 +265,9 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
                     if best[0, 0] < had:
                         which = i
         guests.when[m], guests.crowd.press[m] = 0.0, best[0, 1] if best[0, 0] < 0 else 0.0
+        if m < guests.held:  # what rods hold meets colliders with all that they join
+            now = motion.now[guest]
+            guests.crowd.press[m] = np.sqrt(now[0] ** 2 + now[1] ** 2 + now[2] ** 2)
         guests.awaits[m] = 1 if guests.tied[m] > 0 or best[0, 0] < 0 else 0
         if swift and 0 < best[0, 0] <= h and guests.free[which] > 0:
             guests.alone[m], best[0, 0] = 1, np.inf

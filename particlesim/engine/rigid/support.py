@@ -3,7 +3,8 @@
 A body on grains on a floor rests on all of these at once. So what touches a body, what touches that, and so on, is among the
 bodies for a step (`gather`), and all of their contacts take part in the impulses of the step: those that touch, and those
 over a gap which a body that comes to a particle, or both, may close in the step. What bodies hit on their way, and what is
-farther from each other, meets in its own step, in the order of time.
+farther from each other, meets in its own step, in the order of time. Particles that rods hold at bodies, too, meet colliders
+with these: what hits a floor is all that hangs together.
 """
 
 from __future__ import annotations
@@ -63,10 +64,11 @@ class Support(NamedTuple):
 
 class Crowd(NamedTuple):
     """Particles that may lie on something below bodies: which of them touch a body, or others that do, at the beginning of
-    the step (`stands`), how they take part in it (`rests`), and which touch anything but bodies (`linked`) [n]; how fast
-    bodies that touch them come to them [m/s] (`press` [n]); what of the kick of the step colliders take back in their own
-    step [m/s] (`borne` [3, n]); where they began the step (`began` [3, n]), and `cells` to find them in; the contact of
-    those that a body hits within the step, −1 of others (`hit` [n]), and what accelerates them there (`pull` [3, n])."""
+    the step, or are held by rods (`stands`), how they take part in it (`rests`), and which touch anything but bodies
+    (`linked`) [n]; how fast bodies that touch them come to them, and those on rods move [m/s] (`press` [n]); what of the
+    kick of the step colliders take back in their own step [m/s] (`borne` [3, n]); where they began the step
+    (`began` [3, n]), and `cells` to find them in; the contact of those that a body hits within the step, −1 of others
+    (`hit` [n]), and what accelerates them there (`pull` [3, n])."""
 
     stands: Any
     rests: Any
@@ -181,6 +183,8 @@ def find_support(guests: Any, b: Any, k: Any, t: Any, h: Any) -> None:
     s, crowd, count = guests.support, guests.crowd, 0
     for m in range(guests.radius.size):
         lies = crowd.stands[m] > 0 and guests.alone[m] == 0 and crowd.hit[m] < 0
+        # What goes farther before the middle of the step might be behind a thin collider then.
+        lies = lies and (m >= guests.held or h * crowd.press[m] < guests.radius[m])
         crowd.rests[m], crowd.linked[m] = LIES if lies else 0, 0
         if lies:
             guests.awaits[m] = 1
@@ -284,6 +288,23 @@ def lift_out(guests: Any, x: Any, v: Any, shift: Any, t: Any) -> None:
     which they leave, begin it on its surface: slower, as the work of that way takes against what accelerates them."""
     for wall in guests.support.walls:
         lift_out_of(wall, guests, x, v, shift, t)
+
+
+@kernel
+def lift_held(guests: Any, x: Any, v: Any, shift: Any, lifted: Any, t: Any, h: Any) -> None:
+    """Guests on rods that would begin their own step of length h inside a collider which they leave in it, as that has
+    turned them around in the middle of the step, begin it on its surface; by how much they are lifted [3, n]."""
+    for wall in guests.support.walls:
+        for m in range(guests.held):
+            if wall.on[guests.kind[m]] > 0:
+                p = probe(plus(row(x, m), 1.0, row(shift, m)), guests.radius[m], t)
+                distance = gap(wall.shape, p)
+                if distance < 0:
+                    n = away(wall.shape, p)
+                    if h * dot(row(v, m), n) > -distance:
+                        for axis in range(3):
+                            shift[axis, m] -= distance * n[axis]
+                            lifted[axis, m] -= distance * n[axis]
 
 
 @outlined

@@ -39,8 +39,8 @@ from particlesim.model.arrays import Floats, Ints
 
 MISSES = 0.2
 """By how much of the step the two ways of an impact may miss it: where they bend, and as other forces change speeds."""
-PULLED = 0.5
-"""By how much of what springs give what bodies have given may differ from that: else a body has hit the particle, too."""
+LIGHTEST = 0.2
+"""How little the velocity along the normal counts, at least: at the limit of stability it would not at all."""
 NOTICED = 0.05
 """An impact changes a velocity by more than this part of what springs give in the step."""
 SAME_FACE = 0.9
@@ -53,12 +53,13 @@ Pulls = Mapping[str, tuple[Ints, Floats]]
 
 
 class Crowd(NamedTuple):
-    """Particles in a step: their kinds, as colliders and contacts know them, radii, and inverse masses, 0 of those that do
-    not move [n]; places and velocities before it, and after it [3, n]."""
+    """Particles in a step: their kinds, as colliders and contacts know them, radii, inverse masses, 0 of those that nothing
+    moves, and which are still there (1) [n]; places and velocities before it, and after it [3, n]."""
 
     kind: Any
     radius: Any
     w: Any
+    here: Any
     x: Any
     v: Any
     there: Any
@@ -77,8 +78,8 @@ class Impacts(NamedTuple):
 
 class Flight(NamedTuple):
     """Particles of one group before their own step: ids, their kind, places and velocities [3, n]; which of them, in their
-    order, hang on springs, what bodies have given these of their velocities, and by how much all else is expected to change
-    them [3, number of those]."""
+    order, hang on springs, what bodies have given these of their velocities, by how much all else is expected to change
+    them [3, number of those], and which of these bodies have touched."""
 
     state: GroupState
     ids: Ints
@@ -88,13 +89,15 @@ class Flight(NamedTuple):
     hang: Ints
     given: Floats
     awaited: Floats
+    touched: NDArray[np.bool_]
 
     def struck(self, h: float) -> NDArray[np.bool_]:
         """After a step of length h: which of those on springs something else has moved, too, as an impact does."""
         rows = rows_of(self.state, self.ids[self.hang])
         blow = self.state.v[:, rows] - self.v[:, self.hang] - self.awaited
         much = NOTICED**2 * (self.given**2).sum(axis=0)
-        return np.asarray(((blow**2).sum(axis=0) > much) & (self._weights(rows) > 0))
+        loose = (self._weights(rows) > 0) & ~self.touched  # what a body has hit, too, has got that at once
+        return np.asarray(((blow**2).sum(axis=0) > much) & loose)
 
     def now(self) -> tuple[Any, ...]:
         """Rows of all after the step, and the columns of `Crowd`."""
@@ -102,7 +105,8 @@ class Flight(NamedTuple):
         ends = (each[:, rows].astype(float) for each in (self.state.x, self.state.v))
         places = (self.x.astype(float), self.v.astype(float), *ends)
         radius = self.state.radius[rows].astype(float)
-        return rows, (np.full(len(rows), self.kind), radius, self._weights(rows), *places)
+        here = (rows >= 0).astype(np.int64)
+        return rows, (np.full(len(rows), self.kind), radius, self._weights(rows), here, *places)
 
     def _weights(self, rows: Ints) -> Floats:
         here = rows >= 0
@@ -118,10 +122,12 @@ def flights_of(
     touch: Floats,
     given: Floats,
     awaited: Floats,
+    touched: NDArray[np.bool_],
 ) -> list[Flight]:
     """Particles before their own step: those that `hang` on springs, rows by groups, and all that may touch them, by kinds
     [kinds, kinds]. `chosen` are the guests among bodies, rows of groups in the order of kinds, the first ones those that
-    rods hold; bodies have given them velocities, and changes by all else are awaited [3, guests]."""
+    rods hold; bodies have given them velocities, changes by all else are awaited [3, guests], and some bodies have
+    `touched`."""
     kinds = [k for k, (state, _) in enumerate(chosen) if k >= held and state.name in hang]
     flights, first = [], 0
     for kind, (state, rows) in enumerate(chosen):
@@ -132,9 +138,8 @@ def flights_of(
             some = slice(state.count) if met else tied
             places = (state.x[:, some].copy(), state.v[:, some].copy())
             which = tied if met else np.arange(len(tied))
-            flights.append(
-                Flight(state, state.id[some].copy(), kind, *places, which, given[:, at], awaited[:, at])
-            )
+            ids, by = state.id[some].copy(), (given[:, at], awaited[:, at])
+            flights.append(Flight(state, ids, kind, *places, which, *by, touched[at]))
         first += len(rows)
     return flights
 
@@ -207,26 +212,29 @@ def put_right(
         return {}
     some = np.zeros_like(struck)
     some[i] = some[j[j >= 0]] = True
-    company.place(crowd.x + h * (crowd.v + 0.5 * company.awaited), crowd.v + company.awaited, some)
-    free = company.pulled(pulls())
-    company.place(crowd.there, crowd.after, some)
-    pull, steady = 0.5 * (free + company.pulled(pulls())), company.steady
-    # What a body has hit, too, has got that at once.
-    alone = ((steady - free) ** 2).sum(axis=0) <= PULLED**2 * (free**2).sum(axis=0)
-    fits = alone[i] & ((j < 0) | alone[j])
+    ends, fast = crowd.x + h * (crowd.v + 0.5 * company.awaited), crowd.v + company.awaited
+    pulled = []
+    for x, v in ((ends, fast), (crowd.there, fast), (crowd.there, crowd.after)):
+        company.place(x, v, some)
+        pulled.append(company.pulled(pulls()))
+    steady = company.steady
 
     def along(a: Floats) -> Floats:
         return np.asarray(((a[:, i] - np.where(j >= 0, a[:, j], 0.0)) * n).sum(axis=0))
 
     lively, mass = np.minimum(parted / came, 1.0), 1 / (crowd.w[i] + np.where(j >= 0, crowd.w[j], 0.0))
-    faster = np.sqrt(np.maximum(came**2 + 4 / (1 + lively) * apart * along(pull), 0.0)) - came
-    faster = np.where(fits, np.maximum(0.5 * (1 + lively) * faster, -parted), 0.0)
-    change = np.zeros_like(pull)
+    pull = along(0.5 * (pulled[0] + pulled[2]))
+    heavy = 1 - 0.25 * h**2 * along(pulled[0] - pulled[1]) / apart
+    heavy = np.maximum(heavy, LIGHTEST)
+    early = np.maximum(came + 0.5 * h * along(steady - pulled[0]), 0.0)
+    both = early + np.sqrt(np.maximum(early**2 + 4 * heavy / (1 + lively) * pull * apart, 0.0))
+    faster = np.maximum(0.5 * (1 + lively) * (both / heavy - 2 * came), -parted)
+    change = np.zeros_like(steady)
     np.add.at(change.T, i, (mass * faster * n * crowd.w[i]).T)
     np.add.at(change.T, j[j >= 0], -(mass * faster * n * crowd.w[j]).T[j >= 0])
     company.place(crowd.there, crowd.after + change, some)
     work = company.let_know(change, (change != 0).any(axis=0))
-    taken = np.where(fits, mass * along(pull - steady) * apart, 0.0)
+    taken = mass * (pull - along(steady)) * apart
     kinds = crowd.kind[i]
     for flight in flights:
         work[flight.state.name] -= float(taken[kinds == flight.kind].sum())
@@ -259,7 +267,7 @@ def find_impacts(
             if (struck[m] > 0) & (wall.on[crowd.kind[m]] > 0):
                 number = hit_wall(wall, crowd, impacts, number, m, end, h)
     if cells.width > 0:
-        sort_in(cells, crowd.there, crowd.w)
+        sort_in(cells, crowd.there, crowd.here)
         for m in range(struck.size):
             for k in range(AROUND if struck[m] > 0 else 0):
                 o = cells.first[bucket(cells, m, k)]
@@ -283,38 +291,40 @@ def hit_wall(wall: Any, crowd: Any, impacts: Any, number: Any, m: Any, end: Any,
         before = gap(wall.shape, began)
         if dot(away(wall.shape, began), n) < SAME_FACE:  # another face of it was nearer
             before = distance + dot(minus(row(crowd.x, m), row(crowd.there, m)), n) + h * along
-        number = note(impacts, number, m, -1, n, (before, distance), (came, parts), h)
+        if (came > 0) & (parts > 0) and abs(before / came + distance / parts - h) < MISSES * h:
+            number = note(impacts, number, m, -1, n, came, parts, distance - before + h * came)
     return number
 
 
 @outlined
 def hit_each_other(crowd: Any, impacts: Any, number: Any, m: Any, o: Any, h: Any) -> int:
-    """Note it if two particles have hit each other."""
+    """Note it if two particles have hit each other: each gets what the other one loses."""
     d, reach = minus(row(crowd.there, m), row(crowd.there, o)), crowd.radius[m] + crowd.radius[o]
     length = np.sqrt(dot(d, d))
     if length > 0:
         n, e = (d[0] / length, d[1] / length, d[2] / length), minus(row(crowd.x, m), row(crowd.x, o))
         came = -dot(minus(row(crowd.v, m), row(crowd.v, o)), n)
         parts = dot(minus(row(crowd.after, m), row(crowd.after, o)), n)
-        gaps = np.sqrt(dot(e, e)) - reach, length - reach
-        number = note(impacts, number, m, o, n, gaps, (came, parts), h)
+        one = dot(minus(row(crowd.after, m), row(crowd.v, m)), n) * crowd.w[o]
+        other = dot(minus(row(crowd.v, o), row(crowd.after, o)), n) * crowd.w[m]
+        before, after = np.sqrt(dot(e, e)) - reach, length - reach
+        alike = abs(one - other) <= MISSES * max(abs(one), abs(other))
+        if crowd.w[o] == 0:  # one that is led gives energy, and one that is held does not move
+            alike = (crowd.v[0, o] == 0) & (crowd.v[1, o] == 0) & (crowd.v[2, o] == 0)
+        meet = (before < (1 + MISSES) * h * came) & (after < (1 + MISSES) * h * parts)
+        if (came > 0) & (parts > 0) & alike & meet:
+            number = note(impacts, number, m, o, n, came, parts, after - before + h * came)
     return number
 
 
-def note(impacts: Any, number: Any, m: Any, o: Any, n: Any, gaps: Any, speeds: Any, h: Any) -> int:
-    """Note an impact, if gaps before and after the step, and speeds towards and away from each other, are those of one."""
-    (before, after), (came, parts) = gaps, speeds
-    if (came > 0) & (parts > 0) & (number < impacts.how.shape[1]):
-        apart = after - before + h * came
-        in_time = abs(before / came + after / parts - h) < MISSES * h
-        put_back = (o >= 0) & (before < h * came) & (abs(after - before) < MISSES * h * came)
-        if (in_time | put_back) & (apart > 0):
-            impacts.who[0, number], impacts.who[1, number] = m, o
-            for axis in range(3):
-                impacts.normal[axis, number] = n[axis]
-            impacts.how[0, number], impacts.how[1, number] = came, parts
-            impacts.how[2, number] = apart
-            number += 1
+def note(impacts: Any, number: Any, m: Any, o: Any, n: Any, came: Any, parts: Any, apart: Any) -> int:
+    """Note an impact that has moved two apart, if there is room."""
+    if (apart > 0) & (number < impacts.how.shape[1]):
+        impacts.who[0, number], impacts.who[1, number] = m, o
+        for axis in range(3):
+            impacts.normal[axis, number] = n[axis]
+        impacts.how[0, number], impacts.how[1, number], impacts.how[2, number] = came, parts, apart
+        number += 1
     return number
 
 

@@ -48,6 +48,7 @@ class Ties:
         """By how much what else acts on them has changed their velocities in the last step, and is expected to in the next
         one [m/s], shape [2, 3, particles]."""
         self._left: dict[str, Floats] = {}
+        self._lifted = np.zeros((3, 0))
         self.given = self.awaited = np.zeros((3, 0))
         """Of the present step, and of particles on rods [m/s], shape [3, n]: velocities that bodies have given them, and
         changes by what else acts on them for which those are right."""
@@ -102,9 +103,11 @@ class Ties:
                 part[:] = self.gained[state.name][1][:, rows]
         return np.concatenate(parts, axis=1)
 
-    def leave(self, given: Floats, awaited: Floats) -> None:
-        """Visitors, those that rods hold first, are about to make their own steps."""
+    def leave(self, given: Floats, awaited: Floats, lifted: Floats) -> None:
+        """Visitors, those that rods hold first, are about to make their own steps, the latter from so far beside where they
+        are to begin [3, held]."""
         number = sum(map(len, self.held.values()))
+        self._lifted = lifted
         self.given, self.awaited = given[:, :number], awaited[:, :number]
         self._left = {name: state.v[:, : state.count].astype(float) for name, state in self._states.items()}
 
@@ -118,7 +121,10 @@ class Ties:
             again |= (came**2).sum(axis=0) <= 4 * (expected**2).sum(axis=0)
             expected[:] = np.where(again, came, expected)
             last[:] = came
-        self._left = {}
+        self._left, first = {}, 0
+        for state, rows in self.on_rods():
+            state.x[:, rows] -= self._lifted[:, first : first + len(rows)].astype(state.dtype)
+            first += len(rows)
 
     def unforeseen(self) -> float:
         """The energy that rods have taken in excess [J], as velocities have changed by δ more than was expected:

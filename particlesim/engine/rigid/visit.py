@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from particlesim.engine.rigid.bodies import Bodies
+from particlesim.engine.rigid.bodies import Bodies, Contacts
 from particlesim.engine.rigid.grains import Guests
-from particlesim.engine.rigid.support import Support, lift_out, new_crowd
+from particlesim.engine.rigid.support import Support, lift_held, lift_out, new_crowd
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.model.arrays import Floats, Ints
@@ -23,7 +24,8 @@ class Visitors(NamedTuple):
     [kinds, groups]; by how much what else acts on them changes their velocities in a step [3, n], of what is not tied to
     bodies without its forces before these are known, and moves them beyond half of that (`beyond` [3, n]); the part of a
     step by which their velocities are late (`Method.lag`) [n]; which of them springs and rods tie to bodies, whose impacts
-    are left to their own step, and which touch bodies or others that do [n]; how many of them, the first ones, rods hold."""
+    are left to their own step, and which touch bodies or others that do, or are on rods [n]; how many of them, the first
+    ones, rods hold."""
 
     x: Floats
     v: Floats
@@ -53,7 +55,8 @@ class Visitors(NamedTuple):
 class Left(NamedTuple):
     """Visitors after a step: new velocities and angular velocities, by how much they are to be moved [3, n], whether
     anything has touched them, and whether impacts on bodies are left to them [n], and by how much forces change their
-    velocities [m/s], no numbers where none lies on a body [3, n]."""
+    velocities [m/s], no numbers where none lies on a body [3, n]; how far those that rods hold begin their own step from
+    where they should, as a collider is in the way [m], shape [3, held]; which of them bodies have touched [n]."""
 
     v: Floats
     turning: Floats
@@ -61,6 +64,8 @@ class Left(NamedTuple):
     moved: Ints
     alone: Ints
     forces: Floats
+    lifted: Floats
+    touched: NDArray[np.bool_]
 
 
 def among(
@@ -180,8 +185,8 @@ def lies(guests: Guests) -> bool:
     return bool((guests.awaits > guests.tied).any())
 
 
-def left(whole: Bodies, guests: Guests, visitors: Visitors, t: float, h: float) -> Left:
-    """The visitors after a step of length h that began at a time t."""
+def left(whole: Bodies, contacts: Contacts, guests: Guests, visitors: Visitors, t: float, h: float) -> Left:
+    """The visitors after a step of length h that began at a time t, with its contacts."""
     part, held = slice(guests.first, None), visitors.held
     x, end, spin = whole.x[:, part], whole.v[:, part], whole.spin[:, part]
     gain = np.where(guests.awaits > 0, visitors.gain, 0.0) - guests.crowd.borne
@@ -207,5 +212,11 @@ def left(whole: Bodies, guests: Guests, visitors: Visitors, t: float, h: float) 
     # What others and colliders give is in this step, and none of the forces that are to be expected.
     forces = np.where((guests.crowd.linked > 0) | (not lies(guests)), np.nan, h * guests.pull)
     lift_out(guests, visitors.x, v, shift, t)
+    lifted = np.zeros((3, held))
+    lift_held(guests, visitors.x, v, shift, lifted, t, h)
     alone = (guests.alone > 0) & (guests.when == 0)
-    return Left(v, spin / visitors.inertia, shift, moved, alone, forces)
+    pressing = contacts.impulse[: contacts.number[0], 0] != 0
+    ends = np.concatenate([each[: len(pressing)][pressing] for each in (contacts.first, contacts.second)])
+    touched = np.zeros(len(visitors.w), np.bool_)
+    touched[ends[ends >= guests.first] - guests.first] = True
+    return Left(v, spin / visitors.inertia, shift, moved, alone, forces, lifted, touched)
