@@ -315,6 +315,10 @@ def test_steps_too_long_for_ties_are_told() -> None:
     assert stiff(World(ps.from_table(table(0.99 * longest, 0.99 * longest, **given)))) == ()
     (told,) = stiff(World(ps.from_table(table(1.01 * longest, 1.01 * longest, **given))))
     assert f"{longest:.3g} s" in told
+    # ω² times itself is infinite here: it had been said that any step would do.
+    given["springs"] = [tie(stiffness=1e300)]
+    (told,) = stiff(World(ps.from_table(table(1e-3, 1e-3, **given))))
+    assert f"{2 / math.sqrt(1e300 * 2.5):.3g} s" in told
 
 
 def test_the_work_of_a_motion_that_leads_an_end_is_refused() -> None:

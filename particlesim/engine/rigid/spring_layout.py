@@ -62,7 +62,8 @@ def _laid(
     for k, (i, j) in enumerate(rows.tolist()):
         other = frame(b, j) @ points[1] + centre(b, j) if tied is None else tied.x[:, j].astype(float)
         far[k] = frame(b, i) @ points[0] + centre(b, i) - other
-    length = np.linalg.norm(far, axis=1)
+    with np.errstate(over="ignore"):  # what is too far is told by what it stores
+        length = np.linalg.norm(far, axis=1)
     along = np.divide(far, length[:, None], out=np.zeros_like(far), where=length[:, None] > 0)
     inverse = _yielding(b, first, points[0], along)
     inverse += _yielding(b, second, points[1], along) if tied is None else _weights(tied)[second]

@@ -26,10 +26,10 @@ def longest_step(springs: Sequence[BodySprings], b: Bodies) -> float:
     body, row = _rows(springs, b)
     k, c = (np.concatenate([np.zeros(0), *(getattr(each, key) for each in springs)]) for key in "kc")
     count = b.x.shape[1]
-    square, rate = (_largest(body, row, np.sqrt(weights), count) for weights in (k, c))
-    if square > 0:
-        return float(2 * (np.sqrt(0.25 * rate * rate + square) - 0.5 * rate) / square)
-    return 2 / rate if rate > 0 else np.inf
+    omega, root = (_largest(body, row, np.sqrt(weights), count) for weights in (k, c))
+    with np.errstate(over="ignore"):  # infinitely stiff: a step of 0
+        rate = 0.5 * np.square(root)
+    return float(2 / (np.hypot(rate, omega) + rate)) if omega > 0 or rate > 0 else np.inf
 
 
 def _rows(springs: Sequence[BodySprings], b: Bodies) -> tuple[Ints, Floats]:
@@ -43,8 +43,9 @@ def _rows(springs: Sequence[BodySprings], b: Bodies) -> tuple[Ints, Floats]:
             arms = [r @ point[:, s] for r, point in zip(turns, (each.point, each.other), strict=True)]
             ends = [a if i == WORLD else a + b.x[:, i] for i, a in zip(pair, arms, strict=True)]
             along = ends[0] - ends[1]
-            length = np.linalg.norm(along)
-            along = along / length if length > 0 else np.array([1.0, 0.0, 0.0])
+            size = np.abs(along).max()  # whose square may be infinite
+            along = along / size if size > 0 else np.array([1.0, 0.0, 0.0])
+            along = along / np.linalg.norm(along)
             row = np.zeros((2, 6))
             for end, (i, r, arm) in enumerate(zip(pair, turns, arms, strict=True)):
                 if i != WORLD:
@@ -57,9 +58,11 @@ def _rows(springs: Sequence[BodySprings], b: Bodies) -> tuple[Ints, Floats]:
 
 
 def _largest(body: Ints, row: Floats, weight: Floats, count: int) -> float:
-    """The largest eigenvalue of W J M⁻¹ Jᵀ W, by power iteration."""
+    """The root of the largest eigenvalue of W J M⁻¹ Jᵀ W, by power iteration."""
     if not weight.any():
         return 0.0
+    stiff, long = weight.max(), np.abs(row).max()  # products of both may be infinite
+    weight, row = weight / stiff, row / (long or 1.0)
     x, size = weight * (1 + np.arange(len(weight)) % 7), 0.0
     for _ in range(TURNS):
         x = x / np.linalg.norm(x)
@@ -71,4 +74,5 @@ def _largest(body: Ints, row: Floats, weight: Floats, count: int) -> float:
         if not np.linalg.norm(y) > 0:
             break
         x = y
-    return size
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(size) * stiff * long)
