@@ -4,17 +4,19 @@ Such a particle begins its own step with all of the velocity Δv that its spring
 they have given it but a part; the rest comes afterwards, and is turned around with what it has. With the time r that is left
 of the step then the energy is wrong by −2 r f·n |v·n|, of first order in the step, with the normal n.
 
-So after that step the velocity along n is put right. An impact at the relative speed u with restitution e moves the
-particles apart by D = (1 + e) |u| r, and what pulls on them along n, a = f·n/μ in the mean over that way, has given their
-motion what it has taken from springs:
+So after that step the velocity along n is put right. Two that have come together at u moved apart by D; a, along n and over
+the reduced mass, is the mean of what springs give at both ends of that displacement, whose energy it has changed. Such steps
+keep E − h² w·K w/8, with the stiffness K of the springs and the velocity w relative to the body. So with κ = h² K along n,
+and p = h² n·K w/4, which half a step before the end tells, an elastic impact changes the velocity along n by Δ:
 
-    δ = (√(u² + 4 |u| r a) − |u|) (1 + e)/2,
+    ½ (1 − κ/4) Δ² − (u + p) Δ − a D = 0,
 
-such that an elastic impact keeps the energy, also where the force changes on that way, or turns against the velocity, as
-that of a damper does: else an impact gives k v² h²/6 in the mean, with a stiffness k.
+and another one by (1 + e)/2 of that, with 2 D/(1 + e). It keeps the energy also where the force changes on that way, or
+turns against the velocity, as that of a damper does: else an impact gives k u² h²/6 in the mean, with a stiffness k.
 
-What has happened in that step is seen from its ends. Those that have hit each other come together and part, and both ways at
-these speeds take the step together (`MISSES`). What turns around for other reasons, on a taut rope, does not.
+What has happened in that step is seen from its ends. What hits a collider comes to it and leaves it, and both ways at these
+speeds take the step together (`MISSES`); two that hit each other would have met, and one gets what the other one loses. What
+turns around for other reasons, on a taut rope, is not among these.
 """
 
 from __future__ import annotations
@@ -39,8 +41,10 @@ from particlesim.model.arrays import Floats, Ints
 
 MISSES = 0.2
 """By how much of the step the two ways of an impact may miss it: where they bend, and as other forces change speeds."""
-LIGHTEST = 0.2
-"""How little the velocity along the normal counts, at least: at the limit of stability it would not at all."""
+LIGHTEST, HEAVIEST = 0.2, 2.0
+"""How much the velocity along the normal counts, 1 − κ/4: at the limit of stability it would not at all."""
+NEXT = 1e-6
+"""How far two are moved apart at least, as a part of their way in the step: less is rounding, and gives nothing."""
 NOTICED = 0.05
 """An impact changes a velocity by more than this part of what springs give in the step."""
 SAME_FACE = 0.9
@@ -153,13 +157,13 @@ class Company:
         columns = zip(*(each for _, each in found), strict=True)
         self.crowd = Crowd(*(np.concatenate(each, axis=-1) for each in columns))
         number = self.crowd.w.size
-        self.hangs, self.struck = np.zeros((2, number), np.bool_)
+        self.hangs, self.struck, self.touched = np.zeros((3, number), np.bool_)
         self.steady, self.awaited = np.zeros((2, 3, number))
         """Accelerations by springs that the step has had [m/s²], and changes of velocities by all else that were awaited
         [m/s], shape [3, n]."""
         for flight, (_, _, part) in zip(flights, self._parts(), strict=True):
             mine = part.start + flight.hang
-            self.hangs[mine], self.struck[mine] = True, flight.struck(h)
+            self.hangs[mine], self.struck[mine], self.touched[mine] = True, flight.struck(h), flight.touched
             self.steady[:, mine], self.awaited[:, mine] = flight.given / h, flight.awaited
 
     def place(self, x: Floats, v: Floats, some: NDArray[np.bool_]) -> None:
@@ -207,7 +211,8 @@ def put_right(
     company = Company(flights, h)
     crowd, struck = company.crowd, company.struck
     impacts = _impacts(crowd, struck, support, end, h)
-    (i, j), n, (came, parted, apart) = impacts
+    clear = (impacts.who[1] < 0) | ~company.touched[impacts.who[1]]
+    (i, j), n, (came, parted, apart) = (each[:, clear] for each in impacts)
     if not i.size:
         return {}
     some = np.zeros_like(struck)
@@ -225,7 +230,7 @@ def put_right(
     lively, mass = np.minimum(parted / came, 1.0), 1 / (crowd.w[i] + np.where(j >= 0, crowd.w[j], 0.0))
     pull = along(0.5 * (pulled[0] + pulled[2]))
     heavy = 1 - 0.25 * h**2 * along(pulled[0] - pulled[1]) / apart
-    heavy = np.maximum(heavy, LIGHTEST)
+    heavy = np.clip(heavy, LIGHTEST, HEAVIEST)
     early = np.maximum(came + 0.5 * h * along(steady - pulled[0]), 0.0)
     both = early + np.sqrt(np.maximum(early**2 + 4 * heavy / (1 + lively) * pull * apart, 0.0))
     faster = np.maximum(0.5 * (1 + lively) * (both / heavy - 2 * came), -parted)
@@ -292,7 +297,7 @@ def hit_wall(wall: Any, crowd: Any, impacts: Any, number: Any, m: Any, end: Any,
         if dot(away(wall.shape, began), n) < SAME_FACE:  # another face of it was nearer
             before = distance + dot(minus(row(crowd.x, m), row(crowd.there, m)), n) + h * along
         if (came > 0) & (parts > 0) and abs(before / came + distance / parts - h) < MISSES * h:
-            number = note(impacts, number, m, -1, n, came, parts, distance - before + h * came)
+            number = note(impacts, number, m, -1, n, (came, parts, distance - before + h * came), h)
     return number
 
 
@@ -313,17 +318,16 @@ def hit_each_other(crowd: Any, impacts: Any, number: Any, m: Any, o: Any, h: Any
             alike = (crowd.v[0, o] == 0) & (crowd.v[1, o] == 0) & (crowd.v[2, o] == 0)
         meet = (before < (1 + MISSES) * h * came) & (after < (1 + MISSES) * h * parts)
         if (came > 0) & (parts > 0) & alike & meet:
-            number = note(impacts, number, m, o, n, came, parts, after - before + h * came)
+            number = note(impacts, number, m, o, n, (came, parts, after - before + h * came), h)
     return number
 
 
-def note(impacts: Any, number: Any, m: Any, o: Any, n: Any, came: Any, parts: Any, apart: Any) -> int:
+def note(impacts: Any, number: Any, m: Any, o: Any, n: Any, how: Any, h: Any) -> int:
     """Note an impact that has moved two apart, if there is room."""
-    if (apart > 0) & (number < impacts.how.shape[1]):
+    if (how[2] > NEXT * h * how[0]) & (number < impacts.how.shape[1]):
         impacts.who[0, number], impacts.who[1, number] = m, o
         for axis in range(3):
-            impacts.normal[axis, number] = n[axis]
-        impacts.how[0, number], impacts.how[1, number], impacts.how[2, number] = came, parts, apart
+            impacts.normal[axis, number], impacts.how[axis, number] = n[axis], how[axis]
         number += 1
     return number
 
