@@ -43,6 +43,8 @@ SLOW = 0.1
 """Way in a step up to which a particle lies on what it touches, as a part of its radius."""
 NEAR = 1e-9
 """Gap that counts as none, as a part of the radius."""
+FARTHEST = 0.5
+"""Way in a step up to which what rods hold meets colliders with these, as a part of its radius."""
 LIES, CARRIED, BESIDE = 1, 2, 3
 """What `rests` is of a particle that may lie on something, is carried by that in this step, and touches a body."""
 AROUND = 27
@@ -184,7 +186,7 @@ def find_support(guests: Any, b: Any, k: Any, t: Any, h: Any) -> None:
     for m in range(guests.radius.size):
         lies = crowd.stands[m] > 0 and guests.alone[m] == 0 and crowd.hit[m] < 0
         # What goes farther before the middle of the step might be behind a thin collider then.
-        lies = lies and (m >= guests.held or h * crowd.press[m] < guests.radius[m])
+        lies = lies and (m >= guests.held or h * crowd.press[m] < FARTHEST * guests.radius[m])
         crowd.rests[m], crowd.linked[m] = LIES if lies else 0, 0
         if lies:
             guests.awaits[m] = 1
