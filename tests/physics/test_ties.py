@@ -530,3 +530,23 @@ def test_a_chain_that_falls_upright_onto_an_elastic_floor_gains_nothing() -> Non
     }
     energy, most = energies(Simulation(ps.from_table(table(0.3, 1e-3, **parts))))
     assert energy.max() < energy[0] + 1e-3 * most
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
+def test_a_bead_that_slides_on_a_rod_rubs_by_what_presses_it(method: str) -> None:
+    # The impulse of friction is μ times that along the normal, of the bead and the ball together. What a rod left 10⁻⁸ m
+    # over the ground had landed there in each step, with a velocity that was half a step late: half as much again.
+    bead = points((0.2, 0.03, 0), velocity=[[8.0, 0, 0]], name="bead", mass=1.0, radius=0.03)
+    ball = BALL | {"mass": 0.5, "position": [-0.1, 0.4, 0], "velocity": [8.0, 0, 0]}
+    parts = {
+        "particles": [bead],
+        "bodies": [ball],
+        "rods": [{"between": ["ball", "bead"], "pairs": [[0, 0]], "name": "rod"}],
+        "planes": [{"friction": 0.4, "on": ["bead"], "restitution": 0.0}],
+        "forces": [{"type": "gravity", "on": ["bead"]}],
+    }
+    end = simulate(0.1, 1e-3, method, **parts).final
+    mass = np.array([1.0, 0.5])
+    lost = 8.0 * mass.sum() - (mass * end.velocity[:, 0]).sum()
+    pressed = G * 0.1 + (mass * end.velocity[:, 1]).sum()
+    assert lost == pytest.approx(0.4 * pressed, rel=1e-3)

@@ -43,6 +43,8 @@ SLOW = 0.1
 """Way in a step up to which a particle lies on what it touches, as a part of its radius."""
 NEAR = 1e-9
 """Gap that counts as none, as a part of the radius."""
+HOP = 4.0
+"""How far what lies may be from what it lies on, in ways that it gets in a step by what changes its velocity in that."""
 FARTHEST = 0.5
 """Way in a step up to which what rods hold meets colliders with these, as a part of its radius."""
 LIES, CARRIED, BESIDE = 1, 2, 3
@@ -293,17 +295,19 @@ def lift_out(guests: Any, x: Any, v: Any, shift: Any, t: Any) -> None:
 
 
 @kernel
-def lift_held(guests: Any, x: Any, v: Any, shift: Any, lifted: Any, t: Any, h: Any) -> None:
+def lift_held(guests: Any, x: Any, v: Any, gain: Any, shift: Any, lifted: Any, t: Any, h: Any) -> None:
     """Guests on rods that would begin their own step of length h inside a collider which they leave in it, as that has
-    turned them around in the middle of the step, begin it on its surface; by how much they are lifted [3, n]."""
+    turned them around in the middle of the step, begin it on its surface; so do those that lie, by what rods leave them over
+    it: with what else changes their velocities, `gain` [3, n], that is nothing. By how much they are lifted [3, n]."""
     for wall in guests.support.walls:
         for m in range(guests.held):
             if wall.on[guests.kind[m]] > 0:
                 p = probe(plus(row(x, m), 1.0, row(shift, m)), guests.radius[m], t)
-                distance = gap(wall.shape, p)
-                if distance < 0:
+                distance, hop = gap(wall.shape, p), HOP * h * np.sqrt(dot(row(gain, m), row(gain, m)))
+                if distance < hop:
                     n = away(wall.shape, p)
-                    if h * dot(row(v, m), n) > -distance:
+                    way = h * dot(row(v, m), n)
+                    if (distance < 0 and way > -distance) or (distance > 0 and abs(way) < hop):
                         for axis in range(3):
                             shift[axis, m] -= distance * n[axis]
                             lifted[axis, m] -= distance * n[axis]

@@ -213,7 +213,7 @@ def left(whole: Bodies, contacts: Contacts, guests: Guests, visitors: Visitors, 
     forces = np.where((guests.crowd.linked > 0) | (not lies(guests)), np.nan, h * guests.pull)
     lift_out(guests, visitors.x, v, shift, t)
     lifted = np.zeros((3, held))
-    lift_held(guests, visitors.x, v, shift, lifted, t, h)
+    lift_held(guests, visitors.x, v, visitors.gain, shift, lifted, t, h)
     alone = (guests.alone > 0) & (guests.when == 0)
     pressing = contacts.impulse[: contacts.number[0], 0] != 0
     ends = np.concatenate([each[: len(pressing)][pressing] for each in (contacts.first, contacts.second)])
