@@ -221,7 +221,7 @@ class Meetings:
         self._flights = []
         if self._hang:
             held, touch = len(self._held), self._bodies.support.pairs.touch
-            gains = (after.v - visitors.v, visitors.gain, after.touched)
+            gains = (after.v - visitors.v, visitors.gain, after.pressed)
             self._flights = flights_of(self._chosen, self._hang, held, touch, *gains)
         loose = [
             (state, rows[np.isin(rows, self._tied.get(state.name, []), invert=True)])

@@ -7,7 +7,8 @@ of the step then the energy is wrong by −2 r f·n |v·n|, of first order in th
 So after that step the velocity along n is put right. Two that have come together at u moved apart by D; a, along n and over
 the reduced mass, is the mean of what springs give at both ends of that displacement, whose energy it has changed. Such steps
 keep E − h² w·K w/8, with the stiffness K of the springs and the velocity w relative to the body. So with κ = h² K along n,
-and p = h² n·K w/4, which half a step before the end tells, an elastic impact changes the velocity along n by Δ:
+and p = h² n·K w/4, both over the reduced mass, where half a step before the end tells K w, an elastic impact changes the
+velocity along n by Δ:
 
     ½ (1 − κ/4) Δ² − (u + p) Δ − a D = 0,
 
@@ -83,7 +84,7 @@ class Impacts(NamedTuple):
 class Flight(NamedTuple):
     """Particles of one group before their own step: ids, their kind, places and velocities [3, n]; which of them, in their
     order, hang on springs, what bodies have given these of their velocities, by how much all else is expected to change
-    them [3, number of those], and which of these bodies have touched."""
+    them [3, number of those], and which of these contacts have pressed among bodies."""
 
     state: GroupState
     ids: Ints
@@ -93,14 +94,14 @@ class Flight(NamedTuple):
     hang: Ints
     given: Floats
     awaited: Floats
-    touched: NDArray[np.bool_]
+    pressed: NDArray[np.bool_]
 
-    def struck(self, h: float) -> NDArray[np.bool_]:
-        """After a step of length h: which of those on springs something else has moved, too, as an impact does."""
+    def struck(self) -> NDArray[np.bool_]:
+        """After the step: which of those on springs something else has moved, too, as an impact does."""
         rows = rows_of(self.state, self.ids[self.hang])
         blow = self.state.v[:, rows] - self.v[:, self.hang] - self.awaited
         much = NOTICED**2 * (self.given**2).sum(axis=0)
-        loose = (self._weights(rows) > 0) & ~self.touched  # what a body has hit, too, has got that at once
+        loose = (self._weights(rows) > 0) & ~self.pressed  # what a body has hit, too, has got that at once
         return np.asarray(((blow**2).sum(axis=0) > much) & loose)
 
     def now(self) -> tuple[Any, ...]:
@@ -126,12 +127,12 @@ def flights_of(
     touch: Floats,
     given: Floats,
     awaited: Floats,
-    touched: NDArray[np.bool_],
+    pressed: NDArray[np.bool_],
 ) -> list[Flight]:
     """Particles before their own step: those that `hang` on springs, rows by groups, and all that may touch them, by kinds
     [kinds, kinds]. `chosen` are the guests among bodies, rows of groups in the order of kinds, the first ones those that
-    rods hold; bodies have given them velocities, changes by all else are awaited [3, guests], and some bodies have
-    `touched`."""
+    rods hold; bodies have given them velocities, changes by all else are awaited [3, guests], and contacts among
+    bodies have `pressed` some."""
     kinds = [k for k, (state, _) in enumerate(chosen) if k >= held and state.name in hang]
     flights, first = [], 0
     for kind, (state, rows) in enumerate(chosen):
@@ -143,7 +144,7 @@ def flights_of(
             places = (state.x[:, some].copy(), state.v[:, some].copy())
             which = tied if met else np.arange(len(tied))
             ids, by = state.id[some].copy(), (given[:, at], awaited[:, at])
-            flights.append(Flight(state, ids, kind, *places, which, *by, touched[at]))
+            flights.append(Flight(state, ids, kind, *places, which, *by, pressed[at]))
         first += len(rows)
     return flights
 
@@ -151,19 +152,19 @@ def flights_of(
 class Company:
     """The particles of flights after their step of length h."""
 
-    def __init__(self, flights: Sequence[Flight], h: float) -> None:
+    def __init__(self, flights: Sequence[Flight], struck: Sequence[NDArray[np.bool_]], h: float) -> None:
         found = [flight.now() for flight in flights]
         self._groups = [(flight.state, rows) for flight, (rows, _) in zip(flights, found, strict=True)]
         columns = zip(*(each for _, each in found), strict=True)
         self.crowd = Crowd(*(np.concatenate(each, axis=-1) for each in columns))
         number = self.crowd.w.size
-        self.hangs, self.struck, self.touched = np.zeros((3, number), np.bool_)
+        self.hangs, self.struck, self.pressed = np.zeros((3, number), np.bool_)
         self.steady, self.awaited = np.zeros((2, 3, number))
         """Accelerations by springs that the step has had [m/s²], and changes of velocities by all else that were awaited
         [m/s], shape [3, n]."""
-        for flight, (_, _, part) in zip(flights, self._parts(), strict=True):
+        for flight, hit, (_, _, part) in zip(flights, struck, self._parts(), strict=True):
             mine = part.start + flight.hang
-            self.hangs[mine], self.struck[mine], self.touched[mine] = True, flight.struck(h), flight.touched
+            self.hangs[mine], self.struck[mine], self.pressed[mine] = True, hit, flight.pressed
             self.steady[:, mine], self.awaited[:, mine] = flight.given / h, flight.awaited
 
     def place(self, x: Floats, v: Floats, some: NDArray[np.bool_]) -> None:
@@ -206,12 +207,13 @@ def put_right(
 ) -> dict[str, float]:
     """After a step of length h, which ends at this time [s]: those that have hit something get the velocities that they
     should have. `pulls` tells the forces of springs on particles as they are. Returns the work of contact, by groups [J]."""
-    if not any(flight.struck(h).any() for flight in flights):
+    hits = [flight.struck() for flight in flights]
+    if not any(hit.any() for hit in hits):
         return {}
-    company = Company(flights, h)
+    company = Company(flights, hits, h)
     crowd, struck = company.crowd, company.struck
     impacts = _impacts(crowd, struck, support, end, h)
-    clear = (impacts.who[1] < 0) | ~company.touched[impacts.who[1]]
+    clear = (impacts.who[1] < 0) | ~company.pressed[impacts.who[1]]
     (i, j), n, (came, parted, apart) = (each[:, clear] for each in impacts)
     if not i.size:
         return {}

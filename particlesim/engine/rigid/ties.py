@@ -109,22 +109,25 @@ class Ties:
         number = sum(map(len, self.held.values()))
         self._lifted = lifted
         self.given, self.awaited = given[:, :number], awaited[:, :number]
-        self._left = {name: state.v[:, : state.count].astype(float) for name, state in self._states.items()}
+        self._left = {name: self._speeds(name) for name in self._states}
 
     def arrive(self) -> None:
         """They have made them. What has changed a velocity as in the step before, or no more than twice as much as was
         expected, is expected again: an impact is not, nor is one after another."""
-        for name, state in self._states.items():
-            last, expected = self.gained[name]
-            came = state.v[:, : state.count] - self._left[name]
+        for name, rows in self.rows.items():
+            last, expected = self.gained[name][:, :, rows]
+            came = self._speeds(name) - self._left[name]
             again = ((came - last) ** 2).sum(axis=0) <= (last**2).sum(axis=0)
             again |= (came**2).sum(axis=0) <= 4 * (expected**2).sum(axis=0)
-            expected[:] = np.where(again, came, expected)
-            last[:] = came
+            self.gained[name][:, :, rows] = came, np.where(again, came, expected)
         self._left, first = {}, 0
         for state, rows in self.on_rods():
             state.x[:, rows] -= self._lifted[:, first : first + len(rows)].astype(state.dtype)
             first += len(rows)
+
+    def _speeds(self, name: str) -> Floats:
+        """Velocities of a group's particles that hang on bodies [m/s], shape [3, n]."""
+        return self._states[name].v[:, self.rows[name]].astype(float)
 
     def unforeseen(self) -> float:
         """The energy that rods have taken in excess [J], as velocities have changed by δ more than was expected:

@@ -56,7 +56,7 @@ class Left(NamedTuple):
     """Visitors after a step: new velocities and angular velocities, by how much they are to be moved [3, n], whether
     anything has touched them, and whether impacts on bodies are left to them [n], and by how much forces change their
     velocities [m/s], no numbers where none lies on a body [3, n]; how far those that rods hold begin their own step from
-    where they should, as a collider is in the way [m], shape [3, held]; which of them bodies have touched [n]."""
+    where they should, as a collider is in the way [m], shape [3, held]; which of them contacts have pressed [n]."""
 
     v: Floats
     turning: Floats
@@ -65,7 +65,7 @@ class Left(NamedTuple):
     alone: Ints
     forces: Floats
     lifted: Floats
-    touched: NDArray[np.bool_]
+    pressed: NDArray[np.bool_]
 
 
 def among(
@@ -213,10 +213,11 @@ def left(whole: Bodies, contacts: Contacts, guests: Guests, visitors: Visitors, 
     forces = np.where((guests.crowd.linked > 0) | (not lies(guests)), np.nan, h * guests.pull)
     lift_out(guests, visitors.x, v, shift, t)
     lifted = np.zeros((3, held))
-    lift_held(guests, visitors.x, v, visitors.gain, shift, lifted, t, h)
+    if held:
+        lift_held(guests, visitors.x, v, visitors.gain, shift, lifted, t, h)
     alone = (guests.alone > 0) & (guests.when == 0)
     pressing = contacts.impulse[: contacts.number[0], 0] != 0
     ends = np.concatenate([each[: len(pressing)][pressing] for each in (contacts.first, contacts.second)])
-    touched = np.zeros(len(visitors.w), np.bool_)
-    touched[ends[ends >= guests.first] - guests.first] = True
-    return Left(v, spin / visitors.inertia, shift, moved, alone, forces, lifted, touched)
+    pressed = np.zeros(len(visitors.w), np.bool_)
+    pressed[ends[ends >= guests.first] - guests.first] = True
+    return Left(v, spin / visitors.inertia, shift, moved, alone, forces, lifted, pressed)
