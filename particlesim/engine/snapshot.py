@@ -74,13 +74,13 @@ FOLLOWS: dict[str, frozenset[str]] = {
             "_kept",
             "_kept_memory",
             *("_made", "_springs", "_order", "_scenario", "_particles", "_party", "_crew"),
-            *("_seen", "_obstacles", "_blows"),
+            *("_seen", "_obstacles", "_blows", "_set_out"),
             "kept_from",
             "impacts",
         )
     ),
     "Loads": frozenset(("_away",)),
-    "Ties": frozenset(("_sets", "_states", "rows", "held", "given", "awaited")),
+    "Ties": frozenset(("_sets", "_states", "rows", "held", "given", "awaited", "_after")),
     "IndependentIsland": frozenset(("program", "_booking", "_rooms", "_rested", "_steady", "impacts")),
     "CoupledIsland": frozenset(
         {

@@ -116,6 +116,10 @@ class World:
         """How often a rigid body had more impacts in half a step than are followed."""
         return sum(island.stopped_bodies() for island in self.islands)
 
+    def kept_back(self) -> int:
+        """How often a particle on a rod to a body stayed where it was for a step, not to pass a thin collider."""
+        return sum(island.kept_back() for island in self.islands)
+
     def methods(self) -> dict[str, str]:
         """How the forces of interactions are summed, by their names in the ledger, where there is something to tell."""
         return {

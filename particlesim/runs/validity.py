@@ -136,7 +136,7 @@ def missed(simulation: Simulation) -> tuple[str, ...]:
 
 def exhausted(world: World) -> tuple[str, ...]:
     """Sentences where particles or rigid bodies have had more impacts in a step than are followed."""
-    return (*_stopped(world), *_stopped_grains(world), *_exhausted(world))
+    return (*_stopped(world), *_kept_back(world), *_stopped_grains(world), *_exhausted(world))
 
 
 def _stopped(world: World) -> tuple[str, ...]:
@@ -147,6 +147,15 @@ def _stopped(world: World) -> tuple[str, ...]:
     return (
         f"{'once' if number == 1 else f'{number:,} times'} a rigid body had more than {MOST_IMPACTS} impacts in half a "
         "step, and rested until its end: a smaller dt lets it rebound, unless there is no room for it",
+    )
+
+
+def _kept_back(world: World) -> tuple[str, ...]:
+    if (number := world.kept_back()) == 0:
+        return ()
+    return (
+        f"{'once' if number == 1 else f'{number:,} times'} a rod to a rigid body would have drawn a particle through a thin "
+        "collider: it stayed where it was for that step, with all that hangs on it; a smaller dt lets it go on",
     )
 
 

@@ -449,9 +449,10 @@ def test_what_a_collider_takes_of_a_particle_on_a_spring_is_booked() -> None:
     assert np.abs(rows["work.contact"]).max() < 5e-5 * rows["kinetic"].max()
 
 
+@pytest.mark.parametrize("radius", [0.03, 0.0])
 @pytest.mark.parametrize("restitution", [1.0, 0.5, 0.0])
 @pytest.mark.parametrize("angle", [0.0, 30.0, 75.0])
-def test_a_rod_passes_an_impact_on_at_once(angle: float, restitution: float) -> None:
+def test_a_rod_passes_an_impact_on_at_once(angle: float, restitution: float, radius: float) -> None:
     # Two masses on a rod at an angle to the vertical fall onto a floor, the bead first. At the bead the pair has the inverse
     # mass 1/m − (cos θ/m)²/(1/m + 1/M) along the vertical; an impulse (1 + e) u over that turns it around, and the rod
     # shares it out: Δv of the ball is along the rod. Before, the bead bounced alone, and the rod passed that on without
@@ -465,8 +466,9 @@ def test_a_rod_passes_an_impact_on_at_once(angle: float, restitution: float) -> 
         -u * np.array([0, 1, 0]) + (blow * np.array([0, 1, 0]) - pull * rod) / m,
         [0, -u, 0] + pull * rod / big,
     ]
-    bead = points((0.0, 0.05, 0.0), velocity=[[0, -u, 0]], name="bead", mass=m, radius=0.03)
-    ball = BALL | {"position": (np.array([0, 0.05, 0]) + rod).tolist(), "velocity": [0, -u, 0], "mass": big}
+    start = np.array([0, radius + 0.02, 0])
+    bead = points(start.tolist(), velocity=[[0, -u, 0]], name="bead", mass=m, radius=radius)
+    ball = BALL | {"position": (start + rod).tolist(), "velocity": [0, -u, 0], "mass": big}
     rods = [{"between": ["ball", "bead"], "pairs": [[0, 0]], "name": "rod"}]
     floor = {"restitution": restitution}
     end = simulate(0.008, 1e-3, particles=[bead], bodies=[ball], rods=rods, planes=[floor]).final
@@ -474,14 +476,15 @@ def test_a_rod_passes_an_impact_on_at_once(angle: float, restitution: float) -> 
     assert np.allclose(end.velocity, expected, atol=4 * u**2 * 0.002)
 
 
+@pytest.mark.parametrize("radius", [0.04, 0.0])
 @pytest.mark.parametrize("restitution", [1.0, 0.5])
-def test_a_bead_on_a_rod_that_bounces_gains_nothing(restitution: float) -> None:
+def test_a_bead_on_a_rod_that_bounces_gains_nothing(restitution: float, radius: float) -> None:
     # An elastic one had lost half of its energy, as it bounced alone; and as repeated impacts were awaited like a force, the
-    # energy had risen again by up to 0.4 of the kinetic one.
+    # energy had risen again by up to 0.4 of the kinetic one. In steps of 2 ms it meets two faces in one, which took 0.2.
     velocity = np.array([1.0, -2.0, 0.5])
     along = np.array([-0.05, -0.6, 0.02])
     velocity -= along * (velocity @ along) / (along @ along)
-    bead = points((0.05, 0.6, 0.02), velocity=[velocity.tolist()], name="bead", mass=0.5, radius=0.04)
+    bead = points((0.05, 0.6, 0.02), velocity=[velocity.tolist()], name="bead", mass=0.5, radius=radius)
     rods = [
         {"between": ["box", "bead"], "points": [[0.1, 0, 0], [0, 0, 0]], "pairs": [[0, 0]], "name": "rod"}
     ]
@@ -493,10 +496,10 @@ def test_a_bead_on_a_rod_that_bounces_gains_nothing(restitution: float) -> None:
         "restitution": restitution,
     }
     parts = SWINGING | {"springs": [], "rods": rods, "colliders": [room], "particles": [bead]}
-    energy, most = energies(Simulation(ps.from_table(table(3.0, 5e-4, **parts))))
-    assert (energy - np.minimum.accumulate(energy)).max() < 2e-3 * most
+    energy, most = energies(Simulation(ps.from_table(table(3.0, 2e-3, **parts))))
+    assert (energy - np.minimum.accumulate(energy)).max() < 5e-4 * most
     if restitution == 1:
-        assert energy[-1] > energy[0] - 0.02 * most
+        assert energy[-1] > energy[0] - 5e-4 * most
 
 
 def test_a_chain_that_falls_upright_onto_an_elastic_floor_gains_nothing() -> None:
@@ -533,12 +536,13 @@ def test_a_chain_that_falls_upright_onto_an_elastic_floor_gains_nothing() -> Non
     assert energy.max() < energy[0] + 1e-3 * most
 
 
+@pytest.mark.parametrize("radius", [0.03, 0.0])
 @pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet"])
-def test_a_bead_that_slides_on_a_rod_rubs_by_what_presses_it(method: str) -> None:
+def test_a_bead_that_slides_on_a_rod_rubs_by_what_presses_it(method: str, radius: float) -> None:
     # The impulse of friction is μ times that along the normal, of the bead and the ball together. What a rod left 10⁻⁸ m
     # over the ground had landed there in each step, with a velocity that was half a step late: half as much again.
-    bead = points((0.2, 0.03, 0), velocity=[[8.0, 0, 0]], name="bead", mass=1.0, radius=0.03)
-    ball = BALL | {"mass": 0.5, "position": [-0.1, 0.4, 0], "velocity": [8.0, 0, 0]}
+    bead = points((0.2, radius, 0), velocity=[[8.0, 0, 0]], name="bead", mass=1.0, radius=radius)
+    ball = BALL | {"mass": 0.5, "position": [-0.1, 0.37 + radius, 0], "velocity": [8.0, 0, 0]}
     parts = {
         "particles": [bead],
         "bodies": [ball],
@@ -550,4 +554,47 @@ def test_a_bead_that_slides_on_a_rod_rubs_by_what_presses_it(method: str) -> Non
     mass = np.array([1.0, 0.5])
     lost = 8.0 * mass.sum() - (mass * end.velocity[:, 0]).sum()
     pressed = G * 0.1 + (mass * end.velocity[:, 1]).sum()
-    assert lost == pytest.approx(0.4 * pressed, rel=1e-3)
+    # A point that is half a step late now and then takes off by rounding, and lands again.
+    assert lost == pytest.approx(
+        0.4 * pressed, rel=1e-3 if radius > 0 or method == "velocity_verlet" else 0.03
+    )
+
+
+def hanging_chain(seed: int, fastest: float, radius: float) -> dict[str, Any]:
+    """One to three beads on rods below a ball, at any angle, that fall onto a sheet at up to so many m/s."""
+    rng = np.random.default_rng(seed)
+    speed, lean, length, count = (
+        rng.uniform(1, fastest),
+        rng.uniform(-1.4, 1.4),
+        rng.uniform(0.1, 0.5),
+        rng.integers(1, 4),
+    )
+    rod = np.array([math.sin(lean), math.cos(lean), 0.1 * rng.normal()])
+    rod *= length / np.linalg.norm(rod)
+    top = count * rod + [0, rng.uniform(0.05, 0.3), 0]
+    places = [(top - (k + 1) * rod).tolist() for k in range(count)]
+    big, small = 10 ** rng.uniform(-1, 1), 10 ** rng.uniform(-2, 0.5)
+    beads = points(*places, velocity=[[0, -speed, 0]] * count, name="bead", mass=small, radius=radius)
+    shape = {"type": "sphere", "radius": 0.05}
+    ball = {"name": "ball", "shape": shape, "mass": big, "position": top.tolist(), "velocity": [0, -speed, 0]}
+    rods: list[dict[str, Any]] = [{"between": ["ball", "bead"], "pairs": [[0, 0]], "name": "rod"}]
+    if count > 1:
+        rods.append({"on": "bead", "pairs": [[k, k + 1] for k in range(count - 1)], "name": "link"})
+    sheet = {"type": "rectangle", "size": [40, 40], "thickness": "0.4 mm", "restitution": (seed % 3) / 2}
+    return {"particles": [beads], "bodies": [ball], "rods": rods, "colliders": [sheet]}
+
+
+@pytest.mark.parametrize("radius", [0.03, 0.0])
+@pytest.mark.parametrize("fastest", [3.0, 40.0])
+@pytest.mark.parametrize("seed", range(8))
+def test_chains_on_rods_do_not_pass_a_thin_sheet(seed: int, fastest: float, radius: float) -> None:
+    # Of points at up to 3 m/s, 19 in 40 had come behind it, and elastic ones had gained up to 340 times their energy: what
+    # is swift for its radius bounced for itself, and its rods drew it on. Elastic ones keep their energy, but for its swings
+    # as they turn, which follow the square of the angle that they turn by in a step.
+    run = Simulation(ps.from_table(table(0.15, 1e-3, **hanging_chain(seed, fastest, radius))))
+    energy, most = energies(run)
+    for state in run.states:
+        assert state.position[:, 1].min() > 0
+    assert energy.max() < energy[0] + 5e-3 * most
+    if seed % 3 == 2:
+        assert energy[-1] > energy[0] - 2e-2 * most

@@ -236,6 +236,10 @@ class BaseIsland:
         """How often a rigid body had more impacts than are followed."""
         return 0
 
+    def kept_back(self) -> int:
+        """How often a particle on a rod to a body stayed where it was for a step, not to pass a thin collider."""
+        return 0
+
     def topology(self) -> list[Topology]:
         """The springs, rods and surfaces of its particles, for a trajectory."""
         raise NotImplementedError

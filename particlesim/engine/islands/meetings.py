@@ -217,7 +217,7 @@ class Meetings:
             state.let_know(rows, state.v[:, rows] - had)
             if len(rows):
                 self._islands[state.name].fit()
-        self._bodies.ties.leave(after.v - visitors.v, visitors.gain, after.lifted)
+        self._bodies.ties.leave(after.v - visitors.v, visitors.gain, after)
         self._flights = []
         if self._hang:
             held, touch = len(self._held), self._bodies.support.pairs.touch

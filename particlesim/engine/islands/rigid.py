@@ -29,6 +29,7 @@ from particlesim.engine.rigid.bodies import (
 from particlesim.engine.rigid.fluids import through_surface
 from particlesim.engine.rigid.grains import put_out
 from particlesim.engine.rigid.hearing import share_out, with_particles
+from particlesim.engine.rigid.held_walls import passed
 from particlesim.engine.rigid.joint_system import (
     made_joints,
     require_speeds,
@@ -87,6 +88,8 @@ TRIED = 8
 """Overlaps at the start of which it is looked whether the body can get out."""
 ROUNDING = 1e-12
 """Part of a kinetic energy that rounding makes."""
+SLACK = 64 * float(np.finfo(float).eps)
+"""Rounding of a place by which it may be behind a collider, as a part of the largest coordinate."""
 ROOM = 16
 """Contacts for each body that there is room for at first."""
 
@@ -160,6 +163,10 @@ class RigidIsland(BaseIsland):
         """Their impacts that emitters hear, as `hearing` has them."""
         self.left: Left
         """The visitors after the step."""
+        self._set_out: tuple[Visitors, Floats, Floats]
+        """The visitors before it, and where bodies and particles on rods were, shapes [3, n] and [4, n]."""
+        self.stayed = np.zeros(1, np.int64)
+        """How often particles on rods have stayed where they were, with all that hangs on them (`_keep_before_walls`)."""
         if self._made:
             self._close()
 
@@ -237,17 +244,36 @@ class RigidIsland(BaseIsland):
     def hold_ends(self, step: int, *, touched: bool) -> Fault | None:
         """After all islands have made a step: rods to particles fit again. What that takes from particles that have touched
         a collider is the work of contact."""
-        self.ties.arrive()
+        gained = self.ties.arrive(self.dt)
+        if self.books is not None and gained:
+            self.books.add("contact", gained)
         if not self.ties.held:
             return None
         whole, motion = self._on_rods()
         book = self.books is not None and touched
         before = _kinetic(whole, motion) if book else 0.0
         held = hold_ends(self._scene, whole, motion, self._joined.whole.count, 0.5 * self.dt)
+        if held:
+            held = self._keep_before_walls(whole, motion, step)
         if book and self.books is not None:
             self.books.add("contact", _kinetic(whole, motion) - before + self.ties.unforeseen())
         self._take(whole)
         return None if held else self._fault(step, opened=True)
+
+    def _keep_before_walls(self, whole: Bodies, motion: Motion, step: int) -> bool:
+        """What hangs together with a particle on rods that a step has led through a thin collider stays where it was until
+        the end of the step; whether joints could be held."""
+        visitors, x, turn = self._set_out
+        n, joints = self._joined.whole.count, self._scene.joints
+        found, slack = np.zeros(visitors.held, np.int64), SLACK * float(np.abs(x).max())
+        given = (visitors.kind, visitors.radius, x[:, n:], whole.x[:, n:])
+        passed(self.support.walls, *given, slack, step * self.dt, self.dt, found)
+        if not found.any():
+            return True
+        some = np.isin(joints.component, joints.component[n + np.flatnonzero(found)])
+        whole.x[:, some], whole.turn[:, some] = x[:, some], turn[:, some]
+        self.stayed[0] += int(found.sum())
+        return bool(close_joints(self._scene, whole, motion))
 
     def advance(
         self, first: int, last: int, team: Team, laps: Laps | None = None, look: Look | None = None
@@ -277,6 +303,8 @@ class RigidIsland(BaseIsland):
             for given in (self._obstacles.given, *self._blows):
                 given[:] = 0.0
         whole, scene, motion = self._received(b, visitors)
+        some = slice(b.w.size + visitors.held)
+        self._set_out = visitors, whole.x[:, some].copy(), whole.turn[:, some].copy()
         guests, hurried = scene.guests, (self.watch.copy(), self.tired.copy(), self.alone.copy())
         if self._asked and self.pull_on is not None:  # as it would be asked for again
             visitors = inform(guests, visitors, self.pull_on(step * self.dt, None)[0], self.dt)
@@ -440,7 +468,7 @@ class RigidIsland(BaseIsland):
     def _changing(self) -> list[NDArray[Any]]:
         """All that steps change, but for what is remembered of contacts."""
         b = self.bodies()
-        own = (b.x, b.v, b.turn, b.spin, self.watch, self.tired, self.alone)
+        own = (b.x, b.v, b.turn, b.spin, self.watch, self.tired, self.alone, self.stayed)
         return [*own, *self.broken.values(), *self.ties.gained.values()]
 
     def replay(self, row: int, first: int, steps: int) -> tuple[Columns, tuple[Any, ...], slice]:
@@ -507,6 +535,9 @@ class RigidIsland(BaseIsland):
 
     def stopped_bodies(self) -> int:
         return int(self.tired[0])
+
+    def kept_back(self) -> int:
+        return int(self.stayed[0])
 
     def turning(self) -> NDArray[np.float64]:
         velocities_of(self.bodies(), self._motion)

@@ -241,7 +241,8 @@ def find_guests(guests: Any, joined: Any, b: Any, k: Any, motion: Any, slop: Any
         best[0, 0], guests.alone[m], guests.crowd.hit[m] = np.inf, 0, -1
         for axis in range(3):
             guests.shift[axis, m] = guests.probe[axis, m] = 0.0
-            guests.crowd.began[axis, m] = b.x[axis, guest] - 0.5 * h * motion.now[guest, axis]
+            if m >= guests.held:  # rods bend the way of others
+                guests.crowd.began[axis, m] = b.x[axis, guest] - 0.5 * h * motion.now[guest, axis]
         swift = guests.swift[m] > 0 and not lies_on_collider(guests, motion, m, t, h)
         for i in range(guests.first):
             group = b.group[i]

@@ -19,6 +19,7 @@ from particlesim.engine.rigid.broad import find_contacts, look_around
 from particlesim.engine.rigid.free import move, own
 from particlesim.engine.rigid.grains import asks, settle_guests
 from particlesim.engine.rigid.hearing import note_impacts, silence
+from particlesim.engine.rigid.held_walls import put_in_time
 from particlesim.engine.rigid.joints import drift_joined, fit, level
 from particlesim.engine.rigid.memory import forget
 from particlesim.engine.rigid.narrow import entry, plus
@@ -278,6 +279,8 @@ def step_bodies(
             before = 0.0 if scene.work is None else energy_of(scene, b, motion, middle)
             held = part_overlaps(scene, b, k, motion, dt)
             if scene.guests is not None:
+                if scene.joints is not None:
+                    held = put_in_time(scene.joints, scene.guests, b, k, motion, dt) and held
                 settle_guests(scene, b, k, dt)
                 note_weights(scene.guests, b, k, dt)
             if scene.work is not None:

@@ -11,8 +11,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from particlesim.compiler import outlined
-from particlesim.engine.rigid.bodies import WORLD, add_contact, place, row, set_surface
+from particlesim.engine.rigid.bodies import WORLD, add_contact, name_contact, place, row, set_surface
 from particlesim.engine.rigid.narrow import minus
 from particlesim.engine.rigid.rotation import dot
 from particlesim.engine.rigid.stops import ROLL
@@ -56,3 +58,17 @@ def radius(rolling: Any, b: Any, k: Any, c: Any) -> Any:
         elif flat > 0:
             size = other
     return size
+
+
+def roll_on(b: Any, k: Any, c: Any, friction: Any, size: Any, spin: Any) -> None:
+    """Note the rolling friction of guests at contact c (`rolling`)."""
+    i, j = k.first[c], k.second[c]
+    turns = b.inertia[0, i] < np.inf or (j != WORLD and b.inertia[0, j] < np.inf)
+    if turns:
+        number = add_contact(k, i, j, ROLLING + k.feature[c], row(k.point, c), row(k.normal, c), 0.0)
+        set_surface(k, number, 0.0, friction, friction)
+        if number >= 0:
+            name_contact(k, number, k.names[0, c], k.names[1, c])
+            k.turns[number], k.aim[0, number], k.aim[1, number] = ROLL, c, size
+            for axis in range(3):
+                k.belt[axis, number] = spin[axis]

@@ -4,7 +4,7 @@ A body on grains on a floor rests on all of these at once. So what touches a bod
 bodies for a step (`gather`), and all of their contacts take part in the impulses of the step: those that touch, and those
 over a gap which a body that comes to a particle, or both, may close in the step. What bodies hit on their way, and what is
 farther from each other, meets in its own step, in the order of time. Particles that rods hold at bodies, too, meet colliders
-with these: what hits a floor is all that hangs together.
+with these: what hits a floor is all that hangs together (`held_walls`).
 """
 
 from __future__ import annotations
@@ -27,26 +27,20 @@ from particlesim.engine.rigid.bodies import (
     set_surface,
 )
 from particlesim.engine.rigid.contact_rows import presses
+from particlesim.engine.rigid.held_walls import SWIFT, TOUCH, meet_wall
 from particlesim.engine.rigid.narrow import entry, minus, plus
 from particlesim.engine.rigid.probing import away, probe
-from particlesim.engine.rigid.rolling import ROLLING
+from particlesim.engine.rigid.rolling import roll_on
 from particlesim.engine.rigid.rotation import dot
-from particlesim.engine.rigid.stops import ROLL
 from particlesim.engine.rigid.touching import Touching
 from particlesim.engine.rigid.walls import Wall, set_wall
 from particlesim.laws.registry import gap
 from particlesim.model.arrays import Floats, Ints
 
-TOUCH = 0.01
-"""Gap up to which particles lie on each other, or on a collider, as a part of the smaller radius."""
 SLOW = 0.1
 """Way in a step up to which a particle lies on what it touches, as a part of its radius."""
 NEAR = 1e-9
 """Gap that counts as none, as a part of the radius."""
-HOP = 4.0
-"""How far what lies may be from what it lies on, in ways that it gets in a step by what changes its velocity in that."""
-FARTHEST = 0.5
-"""Way in a step up to which what rods hold meets colliders with these, as a part of its radius."""
 LIES, CARRIED, BESIDE = 1, 2, 3
 """What `rests` is of a particle that may lie on something, is carried by that in this step, and touches a body."""
 AROUND = 27
@@ -187,8 +181,8 @@ def find_support(guests: Any, b: Any, k: Any, t: Any, h: Any) -> None:
     s, crowd, count = guests.support, guests.crowd, 0
     for m in range(guests.radius.size):
         lies = crowd.stands[m] > 0 and guests.alone[m] == 0 and crowd.hit[m] < 0
-        # What goes farther before the middle of the step might be behind a thin collider then.
-        lies = lies and (m >= guests.held or h * crowd.press[m] < FARTHEST * guests.radius[m])
+        # What rods hold, and is swift, meets others for itself.
+        lies = lies and (m >= guests.held or h * crowd.press[m] < SWIFT * guests.radius[m])
         crowd.rests[m], crowd.linked[m] = LIES if lies else 0, 0
         if lies:
             guests.awaits[m] = 1
@@ -200,8 +194,11 @@ def find_support(guests: Any, b: Any, k: Any, t: Any, h: Any) -> None:
     for wall in s.walls:
         for m in range(guests.radius.size):
             here = crowd.rests[m] > 0 or crowd.hit[m] >= 0
-            if here and wall.on[guests.kind[m]] > 0 and b.w[guests.first + m] > 0:
-                on_wall(wall, guests, b, k, m, t, h)
+            if wall.on[guests.kind[m]] > 0 and b.w[guests.first + m] > 0:
+                if m < guests.held and crowd.hit[m] < 0 and guests.alone[m] == 0:
+                    meet_wall(wall, guests, b, k, m, t, h)
+                elif here:
+                    on_wall(wall, guests, b, k, m, t, h)
     if count == 0:
         return
     sort_in(crowd.cells, crowd.began, crowd.rests)
@@ -294,25 +291,6 @@ def lift_out(guests: Any, x: Any, v: Any, shift: Any, t: Any) -> None:
         lift_out_of(wall, guests, x, v, shift, t)
 
 
-@kernel
-def lift_held(guests: Any, x: Any, v: Any, gain: Any, shift: Any, lifted: Any, t: Any, h: Any) -> None:
-    """Guests on rods that would begin their own step of length h inside a collider which they leave in it, as that has
-    turned them around in the middle of the step, begin it on its surface; so do those that lie, by what rods leave them over
-    it: with what else changes their velocities, `gain` [3, n], that is nothing. By how much they are lifted [3, n]."""
-    for wall in guests.support.walls:
-        for m in range(guests.held):
-            if wall.on[guests.kind[m]] > 0:
-                p = probe(plus(row(x, m), 1.0, row(shift, m)), guests.radius[m], t)
-                distance, hop = gap(wall.shape, p), HOP * h * np.sqrt(dot(row(gain, m), row(gain, m)))
-                if distance < hop:
-                    n = away(wall.shape, p)
-                    way = h * dot(row(v, m), n)
-                    if (distance < 0 and way > -distance) or (distance > 0 and abs(way) < hop):
-                        for axis in range(3):
-                            shift[axis, m] -= distance * n[axis]
-                            lifted[axis, m] -= distance * n[axis]
-
-
 @outlined
 def lift_out_of(wall: Any, guests: Any, x: Any, v: Any, shift: Any, t: Any) -> None:
     """`lift_out` of one collider."""
@@ -355,17 +333,3 @@ def note_weights(guests: Any, b: Any, k: Any, h: Any) -> None:
                 along += n[axis] * (h * w * guests.other[axis, m] - borne[axis, m])
             for axis in range(3):
                 borne[axis, m] += min(along, 0.0) * n[axis]
-
-
-def roll_on(b: Any, k: Any, c: Any, friction: Any, size: Any, spin: Any) -> None:
-    """Note the rolling friction of guests at contact c (`rolling`)."""
-    i, j = k.first[c], k.second[c]
-    turns = b.inertia[0, i] < np.inf or (j != WORLD and b.inertia[0, j] < np.inf)
-    if turns:
-        number = add_contact(k, i, j, ROLLING + k.feature[c], row(k.point, c), row(k.normal, c), 0.0)
-        set_surface(k, number, 0.0, friction, friction)
-        if number >= 0:
-            name_contact(k, number, k.names[0, c], k.names[1, c])
-            k.turns[number], k.aim[0, number], k.aim[1, number] = ROLL, c, size
-            for axis in range(3):
-                k.belt[axis, number] = spin[axis]

@@ -18,7 +18,7 @@ import numpy as np
 
 from particlesim.compiler import outlined
 from particlesim.engine.rigid.bending import core_of
-from particlesim.engine.rigid.bodies import WORLD, place, row
+from particlesim.engine.rigid.bodies import GUEST, WORLD, place, row
 from particlesim.engine.rigid.joints import component_of
 from particlesim.engine.rigid.narrow import minus
 from particlesim.engine.rigid.rotation import angular_velocity, cross, dot
@@ -59,10 +59,13 @@ def room_at(k: Any, c: Any, before: Any, free: Any, h: Any) -> Any:
     """The speed with which a contact may close within a step of h without touching. Its speed is `before` the kick of forces
     and `free` after it; what turns around is faster, and so turns faster, in proportion."""
     gap, swing = max(k.gap[c], 0.0), k.swing[c]
+    allowed = (
+        0.0 if k.names[0, c] == GUEST else ALLOWED
+    )  # a particle is where it is: what would be behind meets
     if swing > 0:
         more = min(free / before, MORE) if free < before < 0 else 1.0
         turn = 0.5 * swing * more * more * h
         if turn * h > gap:
-            return (1 + ALLOWED) * np.sqrt(4 * turn / h * gap)
-        return (1 + ALLOWED * turn * h / gap) * (gap / h + turn)
+            return (1 + allowed) * np.sqrt(4 * turn / h * gap)
+        return (1 + allowed * turn * h / gap) * (gap / h + turn)
     return gap / h

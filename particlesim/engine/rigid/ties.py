@@ -20,13 +20,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from particlesim.engine.rigid.held_walls import HOP
 from particlesim.engine.rigid.spring_layout import Laid
 from particlesim.engine.rigid.springs import BodySprings
 from particlesim.engine.rigid.touching import Touching
-from particlesim.engine.rigid.visit import Visitors, among
+from particlesim.engine.rigid.visit import Left, Visitors, among
 from particlesim.engine.state.group_state import GroupState
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
+
+NOTICED = 0.05
+"""An impact in the own step of a particle changes its velocity by more than this part of what bodies have given it."""
 
 
 class Ties:
@@ -48,7 +52,7 @@ class Ties:
         """By how much what else acts on them has changed their velocities in the last step, and is expected to in the next
         one [m/s], shape [2, 3, particles]."""
         self._left: dict[str, Floats] = {}
-        self._lifted = np.zeros((3, 0))
+        self._after: Left
         self.given = self.awaited = np.zeros((3, 0))
         """Of the present step, and of particles on rods [m/s], shape [3, n]: velocities that bodies have given them, and
         changes by what else acts on them for which those are right."""
@@ -103,27 +107,48 @@ class Ties:
                 part[:] = self.gained[state.name][1][:, rows]
         return np.concatenate(parts, axis=1)
 
-    def leave(self, given: Floats, awaited: Floats, lifted: Floats) -> None:
-        """Visitors, those that rods hold first, are about to make their own steps, the latter from so far beside where they
-        are to begin [3, held]."""
+    def leave(self, given: Floats, awaited: Floats, after: Left) -> None:
+        """Visitors, those that rods hold first, are about to make their own steps, as the step of bodies has left them."""
         number = sum(map(len, self.held.values()))
-        self._lifted = lifted
+        self._after = after
         self.given, self.awaited = given[:, :number], awaited[:, :number]
         self._left = {name: self._speeds(name) for name in self._states}
 
-    def arrive(self) -> None:
-        """They have made them. What has changed a velocity as in the step before, or no more than twice as much as was
-        expected, is expected again: an impact is not, nor is one after another."""
+    def arrive(self, h: float) -> float:
+        """They have made them, of length h. What has changed a velocity as in the step before, or no more than twice as
+        much as was expected, is expected again: an impact is not, nor is one after another. Returns the energy [J] that
+        those get which end otherwise (`_take_back`)."""
+        gained = self._take_back(h) if self.held else 0.0
         for name, rows in self.rows.items():
             last, expected = self.gained[name][:, :, rows]
             came = self._speeds(name) - self._left[name]
             again = ((came - last) ** 2).sum(axis=0) <= (last**2).sum(axis=0)
             again |= (came**2).sum(axis=0) <= 4 * (expected**2).sum(axis=0)
             self.gained[name][:, :, rows] = came, np.where(again, came, expected)
-        self._left, first = {}, 0
+        self._left = {}
+        return gained
+
+    def _take_back(self, h: float) -> float:
+        """Those that rods hold end their own step where bodies have led them: it began beside that. What they have hit
+        beyond that end, or have swung past among bodies, they have not. Returns the energy that these get [J]."""
+        gained, first = 0.0, 0
         for state, rows in self.on_rods():
-            state.x[:, rows] -= self._lifted[:, first : first + len(rows)].astype(state.dtype)
+            part = slice(first, first + len(rows))
             first += len(rows)
+            state.x[:, rows] -= self._after.lifted[:, part].astype(state.dtype)
+            given, awaited = self.given[:, part], self.awaited[:, part]
+            aim = self._after.v[:, part] + awaited
+            change = aim - state.v[:, rows]
+            least = np.maximum(4 * (awaited**2).sum(axis=0), NOTICED**2 * (given**2).sum(axis=0))
+            lifted = (self._after.lifted[:, part] ** 2).sum(axis=0) > (HOP * h) ** 2 * (awaited**2).sum(
+                axis=0
+            )
+            back = (lifted | self._after.spared[part]) & ((change**2).sum(axis=0) > least)
+            mine, change = rows[back], change[:, back]
+            gained += float((state.mass[mine] * (change * (aim[:, back] - 0.5 * change)).sum(axis=0)).sum())
+            state.x[:, mine], state.v[:, mine] = self._after.ends[:, part][:, back], aim[:, back]
+            state.let_know(mine, change)
+        return gained
 
     def _speeds(self, name: str) -> Floats:
         """Velocities of a group's particles that hang on bodies [m/s], shape [3, n]."""

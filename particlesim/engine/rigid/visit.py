@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.rigid.bodies import Bodies, Contacts
+from particlesim.engine.rigid.bodies import WORLD, Bodies, Contacts
 from particlesim.engine.rigid.grains import Guests
-from particlesim.engine.rigid.support import Support, lift_held, lift_out, new_crowd
+from particlesim.engine.rigid.held_walls import HOP, lift_held
+from particlesim.engine.rigid.support import Support, lift_out, new_crowd
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
 from particlesim.model.arrays import Floats, Ints
@@ -56,7 +57,8 @@ class Left(NamedTuple):
     """Visitors after a step: new velocities and angular velocities, by how much they are to be moved [3, n], whether
     anything has touched them, and whether impacts on bodies are left to them [n], and by how much forces change their
     velocities [m/s], no numbers where none lies on a body [3, n]; how far those that rods hold begin their own step from
-    where they should, as a collider is in the way [m], shape [3, held]; which of them contacts have pressed [n]."""
+    where they should, as a collider is in the way, and where they are to end it [m], both [3, held]; which visitors
+    contacts have pressed [n], and which of those on rods these have swung past a collider [held]."""
 
     v: Floats
     turning: Floats
@@ -65,7 +67,9 @@ class Left(NamedTuple):
     alone: Ints
     forces: Floats
     lifted: Floats
+    ends: Floats
     pressed: NDArray[np.bool_]
+    spared: NDArray[np.bool_]
 
 
 def among(
@@ -111,6 +115,8 @@ def guests_of(visitors: Visitors, support: Support, bodies: int, h: float) -> Gu
         visitors.flat,
     )
     scratch = (np.zeros(n), np.zeros((3, n)), np.zeros((3, n)))
+    crowd = new_crowd(visitors.stands, visitors.radius)
+    crowd.began[:, : visitors.held] = visitors.x[:, : visitors.held]
     columns = (visitors.kind, visitors.radius, visitors.id, *tables)
     known = (np.zeros((3, n)), np.zeros(1, np.int64), np.zeros((3, n)), np.zeros(n))
     return Guests._make(
@@ -123,7 +129,7 @@ def guests_of(visitors: Visitors, support: Support, bodies: int, h: float) -> Gu
             *(np.zeros(bodies, np.int64), np.zeros(n, np.int64)),
             visitors.held,
             *known,
-            *(visitors.lag.copy(), support, new_crowd(visitors.stands, visitors.radius)),
+            *(visitors.lag.copy(), support, crowd),
         ]
     )
 
@@ -147,6 +153,7 @@ def renew(guests: Guests, visitors: Visitors, h: float) -> None:
     guests.other[:] = _others(visitors, h)
     guests.tied[:], guests.swift[:], guests.crowd.stands[:] = visitors.tied, visitors.swift, visitors.stands
     guests.pull[:], guests.asked[0], guests.bend[:], guests.lag[:] = 0.0, 0, 0.0, visitors.lag
+    guests.crowd.began[:, : guests.held] = visitors.x[:, : guests.held]
 
 
 def inform(guests: Guests, visitors: Visitors, pull: Floats, h: float) -> Visitors:
@@ -220,4 +227,15 @@ def left(whole: Bodies, contacts: Contacts, guests: Guests, visitors: Visitors, 
     ends = np.concatenate([each[: len(pressing)][pressing] for each in (contacts.first, contacts.second)])
     pressed = np.zeros(len(visitors.w), np.bool_)
     pressed[ends[ends >= guests.first] - guests.first] = True
-    return Left(v, spin / visitors.inertia, shift, moved, alone, forces, lifted, pressed)
+    spared, ends = _spared(contacts, guests, visitors.gain, h), x[:, :held].copy()
+    return Left(v, spin / visitors.inertia, shift, moved, alone, forces, lifted, ends, pressed, spared)
+
+
+def _spared(k: Contacts, guests: Guests, gain: Floats, h: float) -> NDArray[np.bool_]:
+    """Which of those that rods hold these swing past colliders that they would have met without them, shape [held]."""
+    found, hop = np.zeros(guests.held, np.bool_), HOP * h * np.sqrt((gain**2).sum(axis=0))
+    for c in np.flatnonzero(k.swing[: k.number[0]] > 0).tolist():
+        m = int(k.first[c]) - guests.first
+        if 0 <= m < guests.held and k.second[c] == WORLD and k.impulse[c, 0] == 0 and k.gap[c] > hop[m]:
+            found[m] = found[m] or -h * k.target[c] > k.gap[c]
+    return found
