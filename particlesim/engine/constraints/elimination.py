@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from particlesim.engine.constraints.blows import new_blows
 from particlesim.engine.constraints.shake_rattle import Bench, Rig, Rods
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
@@ -100,7 +101,8 @@ def new_rods(rig: Rig, *, eager: bool, touched: bool) -> Rods:
         np.zeros(entries),
     )
     effort, failed = np.zeros(components), np.full(components, -1)
-    return Rods(rig, bench, 0, components, eager, touched, effort, failed, np.zeros(components))
+    blows = new_blows(slots if touched else 0, int(np.diff(rig.slots).max(initial=0)) if touched else 0)
+    return Rods(rig, bench, 0, components, eager, touched, effort, failed, np.zeros(components), blows)
 
 
 def divided(rods: Rods, threads: int) -> list[Rods]:
@@ -108,7 +110,13 @@ def divided(rods: Rods, threads: int) -> list[Rods]:
     rig = rods.rig
     cost = np.cumsum(np.concatenate([[0.0], _work(rig)]))
     borders = np.searchsorted(cost, cost[-1] * np.arange(1, threads) / threads)
-    return [rods._replace(first=a, last=b) for a, b in pairwise([0, *borders.tolist(), len(rig.looped)])]
+    largest = rods.blows.moves.shape[1]
+
+    def part(a: int, b: int) -> Rods:
+        blows = new_blows(0, largest)._replace(free=rods.blows.free, pull=rods.blows.pull)
+        return rods._replace(first=a, last=b, blows=blows)
+
+    return [part(a, b) for a, b in pairwise([0, *borders.tolist(), len(rig.looped)])]
 
 
 def _work(rig: Rig) -> Floats:

@@ -25,7 +25,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from particlesim.compiler import kernel, outlined
-from particlesim.engine.barrier import meet
 
 TIGHT = 1e-14
 """Part of its length by which a rod may be too long or too short."""
@@ -105,6 +104,7 @@ class Rods(NamedTuple):
     effort: Any
     failed: Any
     misfit: Any
+    blows: Any
 
 
 class Places(NamedTuple):
@@ -345,12 +345,3 @@ def after_kicks(rods: Any, c: Any) -> None:
     """Level the velocities of all rods of a thread."""
     for k in range(rods.first, rods.last):
         level(rods, c, k)
-
-
-def after_contact(rods: Any, c: Any, share: Any) -> None:
-    """Hold all rods of a thread after contacts at the end of a step; returns when those of all threads are held."""
-    if rods is not None and rods.touched:
-        meet(share.gate, share.threads)
-        if not hold(rods, places(c), 0.0, True):
-            share.wild[8 * share.number] = 1
-        meet(share.gate, share.threads)

@@ -11,7 +11,8 @@ from typing import Any
 
 from particlesim.compiler import kernel
 from particlesim.engine.barrier import meet
-from particlesim.engine.constraints.shake_rattle import after_contact, after_kicks, hold, places, take_aim
+from particlesim.engine.constraints.blows import after_contact, before_contact
+from particlesim.engine.constraints.shake_rattle import after_kicks, hold, places, take_aim
 from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.forces import (
     Move,
@@ -263,10 +264,11 @@ def end_step(
     restores its beginning if that has been kept. `anew`: as `rolls_anew`."""
     drive(share.motions, c.x, c.y, c.z, c.vx, c.vy, c.vz, end)
     held = None if work.system is None else work.system.held
+    before_contact(share.rods, c, share)
     collide(parts, c, work.before, share, t, end, h, work.rebounds, work.again, held)
     if work.rebounds is not None:
         settle_rebounds(parts, bonds, c, work, share, t, end, h)
-    after_contact(share.rods, c, share)
+    after_contact(share.rods, c, work.before, share, h)
     look_at_all(work.before, c, share)
     meet(share.gate, share.threads)
     good = share.wild.sum() == 0
