@@ -117,7 +117,7 @@ class World:
         return sum(island.stopped_bodies() for island in self.islands)
 
     def kept_back(self) -> int:
-        """How often a particle on a rod to a body stayed where it was for a step, not to pass a thin collider."""
+        """How often a particle on a rod to a body stayed where it was for a step, not to pass a collider."""
         return sum(island.kept_back() for island in self.islands)
 
     def methods(self) -> dict[str, str]:

@@ -154,8 +154,8 @@ def _kept_back(world: World) -> tuple[str, ...]:
     if (number := world.kept_back()) == 0:
         return ()
     return (
-        f"{'once' if number == 1 else f'{number:,} times'} a rod to a rigid body would have drawn a particle through a thin "
-        "collider: it stayed where it was for that step, with all that hangs on it; a smaller dt lets it go on",
+        f"{'once' if number == 1 else f'{number:,} times'} a rod to a rigid body would have drawn a particle through a "
+        "collider: it stayed before that for the step, with all that hangs on it; a smaller dt lets it go on",
     )
 
 

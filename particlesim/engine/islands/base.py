@@ -237,7 +237,7 @@ class BaseIsland:
         return 0
 
     def kept_back(self) -> int:
-        """How often a particle on a rod to a body stayed where it was for a step, not to pass a thin collider."""
+        """How often a particle on a rod to a body stayed where it was for a step, not to pass a collider."""
         return 0
 
     def topology(self) -> list[Topology]:

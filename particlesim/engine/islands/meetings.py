@@ -61,6 +61,8 @@ class Meetings:
         self._there: list[tuple[GroupState, Ints]] = []
         self._slow = np.empty(0, np.bool_)
         self._flights: list[Flight] = []
+        if self._held and ties is not None:
+            ties.expect(self._dt * self._pulls_on_rods(0.0))
 
     def __bool__(self) -> bool:
         return bool(self._states)
@@ -243,7 +245,19 @@ class Meetings:
         self._hold()
         if not self._bodies.ties:
             return None
-        return self._bodies.hold_ends(step, touched=self._contact_work() != self._worked)
+        pulls, touched = self._pulls_on_rods, self._contact_work() != self._worked
+        return self._bodies.hold_ends(step, lambda: pulls((step + 1) * self._dt), touched=touched)
+
+    def _pulls_on_rods(self, time: float) -> Floats:
+        """How much forces accelerate particles on rods to bodies [m/s²], shape [3, held]."""
+        assert self._bodies is not None
+        return np.concatenate(
+            [
+                self._islands[state.name].forces(time)[:, self._first_row(state) + rows] / state.mass[rows]
+                for state, rows in self._bodies.ties.on_rods()
+            ],
+            axis=1,
+        ).astype(float)
 
     def _put_right(self, time: float) -> None:
         """Particles on springs that have hit something in their own step, until this time, get the velocities that they

@@ -90,6 +90,8 @@ ROUNDING = 1e-12
 """Part of a kinetic energy that rounding makes."""
 SLACK = 64 * float(np.finfo(float).eps)
 """Rounding of a place by which it may be behind a collider, as a part of the largest coordinate."""
+STOPS = 8
+"""Turns in which what must not come nearer to a collider is stopped, and its rods share that out."""
 ROOM = 16
 """Contacts for each body that there is room for at first."""
 
@@ -241,10 +243,10 @@ class RigidIsland(BaseIsland):
         for mine, after in zip((b.x, b.v, b.turn, b.spin), whole[:4], strict=True):
             mine[:] = after[:, : b.w.size]
 
-    def hold_ends(self, step: int, *, touched: bool) -> Fault | None:
+    def hold_ends(self, step: int, pulls: Callable[[], Floats], *, touched: bool) -> Fault | None:
         """After all islands have made a step: rods to particles fit again. What that takes from particles that have touched
-        a collider is the work of contact."""
-        gained = self.ties.arrive(self.dt)
+        a collider is the work of contact. `pulls` tells how much forces accelerate those on rods [3, held]."""
+        gained = self.ties.arrive(self.dt, pulls)
         if self.books is not None and gained:
             self.books.add("contact", gained)
         if not self.ties.held:
@@ -261,19 +263,28 @@ class RigidIsland(BaseIsland):
         return None if held else self._fault(step, opened=True)
 
     def _keep_before_walls(self, whole: Bodies, motion: Motion, step: int) -> bool:
-        """What hangs together with a particle on rods that a step has led through a thin collider stays where it was until
-        the end of the step; whether joints could be held."""
+        """What hangs together with a particle on rods that a step has led through a thin collider, or into a thick one,
+        stays before that until the end of the step, and comes no nearer; whether joints could be held."""
         visitors, x, turn = self._set_out
-        n, joints = self._joined.whole.count, self._scene.joints
-        found, slack = np.zeros(visitors.held, np.int64), SLACK * float(np.abs(x).max())
+        n, component = self._joined.whole.count, self._scene.joints.component
+        found, how = np.zeros(visitors.held, np.int64), np.zeros((6, visitors.held))
         given = (visitors.kind, visitors.radius, x[:, n:], whole.x[:, n:])
-        passed(self.support.walls, *given, slack, step * self.dt, self.dt, found)
-        if not found.any():
+        slack = SLACK * float(np.abs(x).max())
+        passed(self.support.walls, *given, slack, step * self.dt, self.dt, found, how)
+        stopped = np.flatnonzero(found)
+        if not stopped.size:
             return True
-        some = np.isin(joints.component, joints.component[n + np.flatnonzero(found)])
-        whole.x[:, some], whole.turn[:, some] = x[:, some], turn[:, some]
-        self.stayed[0] += int(found.sum())
-        return bool(close_joints(self._scene, whole, motion))
+        for m in stopped.tolist():
+            some = component == component[n + m]
+            whole.x[:, some], whole.turn[:, some] = x[:, some] + self.dt * how[3:, m, None], turn[:, some]
+        normal, lead = how[:3, stopped], how[3:, stopped]
+        for _ in range(STOPS):
+            come = np.minimum(((whole.v[:, n + stopped] - lead) * normal).sum(axis=0), 0.0)
+            whole.v[:, n + stopped] -= come * normal
+            if not close_joints(self._scene, whole, motion):
+                return False
+        self.stayed[0] += len(stopped)
+        return True
 
     def advance(
         self, first: int, last: int, team: Team, laps: Laps | None = None, look: Look | None = None

@@ -10,8 +10,9 @@ moved back, with all that hangs together, to where that impulse would have led a
 own, which the rods allow to first order (`put_in_time`).
 
 Its own step begins where it leads to the same end: on the surface, if the way back would lead behind it (`lift_held`). What
-it meets there beyond that end is taken back (`Ties.arrive`). What has passed a collider all the same, as its rods drive it,
-is found at the end of the step (`passed`).
+it meets there beyond that end is taken back, and so is all that what may touch a collider does in it but for forces, as
+the collider has acted already (`Ties.arrive`). What has passed a collider all the same, as its rods drive it, is found at
+the end of the step (`passed`).
 """
 
 from __future__ import annotations
@@ -59,6 +60,8 @@ SAME_FACE = 0.9
 """The cosine of the angle between two normals of a collider from which on they are those of one face of it."""
 QUICK = 2.0
 """What comes faster than so many times what changes its velocity in a step rebounds."""
+SUNK, DEEP = 0.5, 0.05
+"""How deep a particle may come into a collider in a step: parts of its radius, and of its way."""
 SECOND = 1 << 47
 """Added to the number of a contact with a second face."""
 
@@ -251,12 +254,17 @@ def lift(shift: Any, lifted: Any, m: Any, way: Any) -> None:
 
 @kernel
 def passed(
-    walls: Any, kind: Any, radius: Any, x: Any, y: Any, slack: Any, t: Any, h: Any, found: Any
+    walls: Any, kind: Any, radius: Any, x: Any, y: Any, slack: Any, t: Any, h: Any, found: Any, how: Any
 ) -> None:
-    """Which particles of these kinds have passed a thin collider in a step of h from x to y [3, n], which began at t, into
-    found [n]."""
+    """Which particles of these kinds have passed a thin collider in a step of h from x to y [3, n], which began at t, or
+    have come into a thick one, into found [n]; its normal at x and the velocity of its surface there, into how [6, n]."""
     for wall in walls:
         for m in range(radius.size):
             if wall.on[kind[m]] > 0 and found[m] == 0:
                 p, q = probe(row(x, m), radius[m], t), probe(row(y, m), radius[m], t + h)
-                found[m] = 1 if through(wall, p, q, slack) < 1 else 0
+                way, deep = minus(row(y, m), row(x, m)), gap(wall.shape, q)
+                sunk = deep < -(SUNK * radius[m] + DEEP * np.sqrt(dot(way, way)) + slack)
+                if (sunk and deep < gap(wall.shape, p)) or through(wall, p, q, slack) < 1:
+                    found[m], n, lead = 1, away(wall.shape, p), lead_of(wall.shape, row(x, m), t)
+                    for axis in range(3):
+                        how[axis, m], how[3 + axis, m] = n[axis], lead[axis]

@@ -16,9 +16,10 @@ such that rods and joints fit at the end (`hold_ends`): here, too, impulses act 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.engine.rigid.held_walls import HOP
 from particlesim.engine.rigid.spring_layout import Laid
@@ -114,10 +115,11 @@ class Ties:
         self.given, self.awaited = given[:, :number], awaited[:, :number]
         self._left = {name: self._speeds(name) for name in self._states}
 
-    def arrive(self, h: float) -> float:
+    def arrive(self, h: float, pulls: Callable[[], Floats]) -> float:
         """They have made them, of length h. What has changed a velocity as in the step before, or no more than twice as
-        much as was expected, is expected again: an impact is not, nor is one after another. Returns the energy [J] that
-        those get which end otherwise (`_take_back`)."""
+        much as was expected, is expected again: an impact is not, nor is one after another. Of what rods hold at a collider
+        only forces are expected, as `pulls` tells them, accelerations [3, held]: what that collider does is found among
+        bodies. Returns the energy [J] that those get which end otherwise (`_take_back`)."""
         gained = self._take_back(h) if self.held else 0.0
         for name, rows in self.rows.items():
             last, expected = self.gained[name][:, :, rows]
@@ -126,24 +128,36 @@ class Ties:
             again |= (came**2).sum(axis=0) <= 4 * (expected**2).sum(axis=0)
             self.gained[name][:, :, rows] = came, np.where(again, came, expected)
         self._left = {}
+        if self.held and self._after.linked.any():
+            self.expect(h * pulls(), self._after.linked)
         return gained
 
+    def expect(self, gain: Floats, some: NDArray[np.bool_] | None = None) -> None:
+        """Forces are to change velocities of particles on rods, or of some of them, by so much [m/s], shape [3, held]."""
+        first = 0
+        for state, rows in self.on_rods():
+            part = slice(first, first + len(rows))
+            first += len(rows)
+            chosen = np.ones(len(rows), np.bool_) if some is None else some[part]
+            self.gained[state.name][:, :, rows[chosen]] = gain[:, part][:, chosen]
+
     def _take_back(self, h: float) -> float:
-        """Those that rods hold end their own step where bodies have led them: it began beside that. What they have hit
-        beyond that end, or have swung past among bodies, they have not. Returns the energy that these get [J]."""
+        """Those that rods hold begin their own step beside where they should, and are put back by that. What may touch a
+        collider ends it where bodies have led it, as that collider has acted among bodies; so does what has hit something
+        beyond that end. Returns the energy that these get [J]."""
         gained, first = 0.0, 0
         for state, rows in self.on_rods():
             part = slice(first, first + len(rows))
             first += len(rows)
             state.x[:, rows] -= self._after.lifted[:, part].astype(state.dtype)
             given, awaited = self.given[:, part], self.awaited[:, part]
-            aim = self._after.v[:, part] + awaited
+            aim = self._after.fast[:, part]
             change = aim - state.v[:, rows]
             least = np.maximum(4 * (awaited**2).sum(axis=0), NOTICED**2 * (given**2).sum(axis=0))
             lifted = (self._after.lifted[:, part] ** 2).sum(axis=0) > (HOP * h) ** 2 * (awaited**2).sum(
                 axis=0
             )
-            back = (lifted | self._after.spared[part]) & ((change**2).sum(axis=0) > least)
+            back = self._after.linked[part] | (lifted & ((change**2).sum(axis=0) > least))
             mine, change = rows[back], change[:, back]
             gained += float((state.mass[mine] * (change * (aim[:, back] - 0.5 * change)).sum(axis=0)).sum())
             state.x[:, mine], state.v[:, mine] = self._after.ends[:, part][:, back], aim[:, back]

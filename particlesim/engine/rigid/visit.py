@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from particlesim.engine.rigid.bodies import WORLD, Bodies, Contacts
+from particlesim.engine.rigid.bodies import Bodies, Contacts
 from particlesim.engine.rigid.grains import Guests
-from particlesim.engine.rigid.held_walls import HOP, lift_held
+from particlesim.engine.rigid.held_walls import lift_held
 from particlesim.engine.rigid.support import Support, lift_out, new_crowd
 from particlesim.engine.state.group_state import GroupState
 from particlesim.engine.state.table import SPIN
@@ -58,7 +58,8 @@ class Left(NamedTuple):
     anything has touched them, and whether impacts on bodies are left to them [n], and by how much forces change their
     velocities [m/s], no numbers where none lies on a body [3, n]; how far those that rods hold begin their own step from
     where they should, as a collider is in the way, and where they are to end it [m], both [3, held]; which visitors
-    contacts have pressed [n], and which of those on rods these have swung past a collider [held]."""
+    contacts have pressed [n]; how fast those on rods are to be at its end [3, held], and which of them may touch a
+    collider [held]."""
 
     v: Floats
     turning: Floats
@@ -69,7 +70,8 @@ class Left(NamedTuple):
     lifted: Floats
     ends: Floats
     pressed: NDArray[np.bool_]
-    spared: NDArray[np.bool_]
+    fast: Floats
+    linked: NDArray[np.bool_]
 
 
 def among(
@@ -227,15 +229,6 @@ def left(whole: Bodies, contacts: Contacts, guests: Guests, visitors: Visitors, 
     ends = np.concatenate([each[: len(pressing)][pressing] for each in (contacts.first, contacts.second)])
     pressed = np.zeros(len(visitors.w), np.bool_)
     pressed[ends[ends >= guests.first] - guests.first] = True
-    spared, ends = _spared(contacts, guests, visitors.gain, h), x[:, :held].copy()
-    return Left(v, spin / visitors.inertia, shift, moved, alone, forces, lifted, ends, pressed, spared)
-
-
-def _spared(k: Contacts, guests: Guests, gain: Floats, h: float) -> NDArray[np.bool_]:
-    """Which of those that rods hold these swing past colliders that they would have met without them, shape [held]."""
-    found, hop = np.zeros(guests.held, np.bool_), HOP * h * np.sqrt((gain**2).sum(axis=0))
-    for c in np.flatnonzero(k.swing[: k.number[0]] > 0).tolist():
-        m = int(k.first[c]) - guests.first
-        if 0 <= m < guests.held and k.second[c] == WORLD and k.impulse[c, 0] == 0 and k.gap[c] > hop[m]:
-            found[m] = found[m] or -h * k.target[c] > k.gap[c]
-    return found
+    ends, fast = x[:, :held].copy(), end[:, :held].copy()
+    linked = guests.crowd.linked[:held] > 0
+    return Left(v, spin / visitors.inertia, shift, moved, alone, forces, lifted, ends, pressed, fast, linked)
