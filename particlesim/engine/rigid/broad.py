@@ -39,7 +39,7 @@ def find_contacts(scene: Any, b: Any, k: Any, motion: Any, memory: Any, t: Any, 
     if scene.guests is not None:
         joined = None if scene.joints is None else scene.joined
         find_guests(scene.guests, joined, b, k, motion, scene.slop, t, h)
-        find_support(scene.guests, b, k, t, h)
+        find_support(scene.guests, b, k, t, h, scene.joints)
 
 
 @outlined

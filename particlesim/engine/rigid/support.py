@@ -175,9 +175,10 @@ def gather(
 
 
 @outlined
-def find_support(guests: Any, b: Any, k: Any, t: Any, h: Any) -> None:
+def find_support(guests: Any, b: Any, k: Any, t: Any, h: Any, joints: Any) -> None:
     """Note what guests lie on in a step of length h, whose middle is at t; their own contacts with bodies are known. What a
-    body hits on its way is between it and colliders, too. What does not await anything gets no force of its own."""
+    body hits on its way is between it and colliders, too. What does not await anything gets no force of its own. `joints`
+    are those that may hold guests, None where there are none."""
     s, crowd, count = guests.support, guests.crowd, 0
     for m in range(guests.radius.size):
         lies = crowd.stands[m] > 0 and guests.alone[m] == 0 and crowd.hit[m] < 0
@@ -194,11 +195,14 @@ def find_support(guests: Any, b: Any, k: Any, t: Any, h: Any) -> None:
     for wall in s.walls:
         for m in range(guests.radius.size):
             here = crowd.rests[m] > 0 or crowd.hit[m] >= 0
+            on_rod = m < guests.held and crowd.hit[m] < 0 and guests.alone[m] == 0
             if wall.on[guests.kind[m]] > 0 and b.w[guests.first + m] > 0:
-                if m < guests.held and crowd.hit[m] < 0 and guests.alone[m] == 0:
-                    meet_wall(wall, guests, b, k, m, t, h)
-                elif here:
+                if here and not on_rod:
                     on_wall(wall, guests, b, k, m, t, h)
+                if (
+                    joints is not None and on_rod
+                ):  # without joints nothing is held, and there is less to compile
+                    meet_wall(wall, guests, b, k, m, t, h)
     if count == 0:
         return
     sort_in(crowd.cells, crowd.began, crowd.rests)
