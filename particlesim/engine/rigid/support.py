@@ -199,9 +199,8 @@ def find_support(guests: Any, b: Any, k: Any, t: Any, h: Any, joints: Any) -> No
             if wall.on[guests.kind[m]] > 0 and b.w[guests.first + m] > 0:
                 if here and not on_rod:
                     on_wall(wall, guests, b, k, m, t, h)
-                if (
-                    joints is not None and on_rod
-                ):  # without joints nothing is held, and there is less to compile
+                # Without joints nothing is held, and there is less to compile.
+                if joints is not None and on_rod:
                     meet_wall(wall, guests, b, k, m, t, h)
     if count == 0:
         return

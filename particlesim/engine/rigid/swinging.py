@@ -59,9 +59,8 @@ def room_at(k: Any, c: Any, before: Any, free: Any, h: Any) -> Any:
     """The speed with which a contact may close within a step of h without touching. Its speed is `before` the kick of forces
     and `free` after it; what turns around is faster, and so turns faster, in proportion."""
     gap, swing = max(k.gap[c], 0.0), k.swing[c]
-    allowed = (
-        0.0 if k.names[0, c] == GUEST else ALLOWED
-    )  # a particle is where it is: what would be behind meets
+    # A particle is where it is: what would be behind meets.
+    allowed = 0.0 if k.names[0, c] == GUEST else ALLOWED
     if swing > 0:
         more = min(free / before, MORE) if free < before < 0 else 1.0
         turn = 0.5 * swing * more * more * h
