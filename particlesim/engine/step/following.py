@@ -173,7 +173,7 @@ def follow(
             if shorter > 0:
                 q, on, length = r, lain, shorter
                 late, place = first_met(method, dynamics, forces, contacts, p, q, on, length, memory, calm)
-                if leaves or not (late < length or ahead(contacts, on, q) < 0):
+                if not late < length and (leaves or ahead(contacts, on, q) >= 0):
                     # What it comes to now, it may hit.
                     p, memory, left, impacts = q, restart(memory), left - length, impacts + 1
                     calm, stalls = LIVELY if leaves else CALM, 0
