@@ -126,6 +126,13 @@ def surface_velocity(c: MovingRecord, f: Frame, x: Any, y: Any, z: Any) -> Any:
     )
 
 
+def lead_of(shape: Any, x: Any, t: Any) -> Any:
+    """The velocity of a collider's body at a place in the world [m/s], at a time."""
+    if isinstance(shape, MovingRecord):
+        return surface_velocity(shape, frame_at(shape, t, x[0]), x[0], x[1], x[2])
+    return 0.0, 0.0, 0.0
+
+
 def carried(shape: Any, belt: Any, t: Any, like: Any) -> Any:
     """The velocity of a surface along itself [m/s] in the world at a time: a belt turns with its collider; None where there
     is none."""

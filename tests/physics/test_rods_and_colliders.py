@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate import energies, points, simulate, table
+from simulate import G, energies, points, simulate, table
 
 import particlesim as ps
 
@@ -104,3 +104,93 @@ def test_more_impacts_than_there_is_room_for_are_met_one_by_one() -> None:
     end = simulate(0.005, 1e-3, particles=[bar], rods=rods, planes=[{"restitution": 0.0}]).final
     assert end.velocity == pytest.approx(0, abs=1e-12)
     assert end.position[:, 1] == pytest.approx(0.01, abs=1e-12)
+
+
+FEET = np.array([(-0.5, 0.0, -0.3), (0.5, 0.0, -0.3), (0.0, 0.0, 0.6), (0.05, 0.8, 0.0)])
+"""The feet of a tripod, and what lies on top: most of its mass."""
+METHODS = [("velocity_verlet", 2e-3), ("symplectic_euler", 1e-3)]
+
+
+def tripod(
+    duration: float,
+    floor: dict[str, Any],
+    method: tuple[str, float] = METHODS[0],
+    *,
+    angle: float = 0.0,
+    lift: float = 0.0,
+    radius: float = 0.0,
+    speed: float = 0.0,
+    **parts: Any,
+) -> tuple[Any, Any, Any]:
+    """Places and velocities of a tripod after some time on a floor, and where it began, along axes of the floor: x, along
+    which it moves at first, goes up by an angle; y leads away from it."""
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    axes = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    begun = FEET + np.array((0.0, lift + radius, 0.0))
+    velocity = [(speed * axes[0]).tolist()] * 4
+    feet = points(
+        *(begun @ axes).tolist(), velocity=velocity, mass=[1, 0.5, 2, 6], radius=radius, name="feet"
+    )
+    given = {
+        "particles": [feet],
+        "rods": [{"on": "feet", "pairs": [[i, j] for i in range(4) for j in range(i)]}],
+        "colliders": [{"name": "floor", "restitution": 0.0, **floor}],
+        "forces": [{"type": "gravity"}],
+    }
+    end = simulate(duration, method[1], method[0], **given, **parts).final
+    return end.position @ axes.T, end.velocity @ axes.T, begun
+
+
+@pytest.mark.parametrize("method", METHODS, ids=["verlet", "euler"])
+@pytest.mark.parametrize("radius", [0.05, 0.0])
+@pytest.mark.parametrize("loss", [0.0, 0.1])
+@pytest.mark.parametrize("floor", [{"type": "plane"}, SHEET], ids=["plane", "sheet"])
+def test_a_loaded_tripod_neither_creeps_nor_sinks(
+    floor: dict[str, Any], loss: float, radius: float, method: tuple[str, float]
+) -> None:
+    # Each foot was held by what it weighs itself: they crept apart by 0.5 mm/s, and lay 10 to 25 µm deep.
+    ground = {**floor, "friction": 0.8, "tangential_loss": loss}
+    lift = 2e-4 if floor is SHEET else 0.0
+    x, v, begun = tripod(1.0, ground, method, radius=radius, lift=lift)
+    assert x == pytest.approx(begun, abs=1e-12)
+    assert v == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS, ids=["verlet", "euler"])
+def test_a_loaded_tripod_slides_by_coulomb_friction(method: tuple[str, float]) -> None:
+    # 0.2 % too little, as what rods press on feet was not rubbed.
+    x, v, begun = tripod(0.5, {"type": "plane", "friction": 0.3}, method, speed=8.0)
+    assert v == pytest.approx(np.outer(np.ones(4), (8 - 0.3 * G * 0.5, 0, 0)), abs=1e-9)
+    late = 0.5 * 0.3 * G * 0.5 * method[1] if method[0] == "symplectic_euler" else 0.0
+    way = 8 * 0.5 - 0.5 * 0.3 * G * 0.5**2 - late
+    assert x - begun == pytest.approx(np.outer(np.ones(4), (way, 0, 0)), abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [16.0, 17.5, 30.0])
+def test_a_loaded_tripod_slips_on_a_slope_beyond_its_friction_angle(angle: float) -> None:
+    # atan 0.3 = 16.7 degrees; below that it stays, above a = g (sin θ − μ cos θ).
+    slope, mu = math.radians(angle), 0.3
+    normal = [-math.sin(slope), math.cos(slope), 0.0]
+    _, v, _ = tripod(0.5, {"type": "plane", "normal": normal, "friction": mu}, angle=angle)
+    pull = G * max(math.sin(slope) - mu * math.cos(slope), 0.0)
+    assert v == pytest.approx(np.outer(np.ones(4), (-0.5 * pull, 0, 0)), abs=1e-9)
+
+
+def test_a_loaded_tripod_goes_with_what_it_stands_on() -> None:
+    # On a belt of 1 m/s it gets that after v/(μ g), and is behind by v²/(2 μ g); a platform carries it up and down.
+    belt = {"type": "plane", "friction": 0.5, "surface_velocity": [1.0, 0, 0]}
+    x, v, begun = tripod(1.0, belt)
+    assert v == pytest.approx(np.outer(np.ones(4), (1, 0, 0)), abs=1e-9)
+    assert (x - begun)[:, 0] == pytest.approx(1 - 1 / (2 * 0.5 * G), abs=1e-4)
+    assert (x - begun)[:, 1] == pytest.approx(0, abs=1e-12)
+    path = [{"collider": "floor", "path": ["0", "0.1*sin(6*t)", "0"]}]
+    x, _, begun = tripod(1.0, {"type": "plane", "friction": 0.5}, motions=path)
+    swing = 0.5 * 3.6 * METHODS[0][1] ** 2  # what the platform is off a parabola in a step is less
+    assert (x - begun)[:, 1] == pytest.approx(0.1 * math.sin(6), abs=swing)
+
+
+@pytest.mark.parametrize("seed", [69, 93, 117])
+def test_chains_that_whip_as_they_lie_stay_on_their_side(seed: int) -> None:
+    # At 18 to 30 m/s and with e = 0 rods drew points through a sheet as they lay.
+    end = ps.run(ps.from_table(table(0.3, 1e-3, **falling_chain(seed, 30.0, 0.0)))).final
+    assert end.position[:, 1].min() >= 2e-4 - 1e-12

@@ -13,7 +13,7 @@ by nothing if it is elastic, and none gives any, as no particle alone gains by Î
 RATTLE, of length s, with what a has across the rods.
 
 This is done where something hits, rather than lies: where Î” is above what the step has changed of its velocity besides.
-What lies is brought to rest for itself, and to what rods allow afterwards.
+What lies is brought to rest for itself, and to what rods allow afterwards; where that changes it, `lying` finds all of it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.barrier import meet
-from particlesim.engine.constraints.shake_rattle import assemble, eliminate, hold, level, places, shake, solve
+from particlesim.engine.constraints.shake_rattle import assemble, eliminate, level, places, shake, solve
 
 MOST = 32
 """Particles of a component that may hit something in a step; where there are more, each bounces for itself."""
@@ -37,17 +37,29 @@ SETTLED = 1e-13
 """Sweeps over all impulses at most, and the part of the largest velocity that is no longer looked at."""
 STUCK = 1e-10
 """The part of its mobility below which rods leave a particle none."""
+NOTICED = 1e-9
+"""The part of what a step changes of a velocity up to which rods leave what contact has done."""
+HAS_HIT, LIES = 1, 2
+"""What a component has done in the step that is looked at again: something of it has hit something, or rods change how it
+lies; else 0."""
 
 
 class Blows(NamedTuple):
-    """Room for impacts. Of all slots, places and velocities at the end of the free step, or at the impact [6, slots], and
-    the acceleration since then [3, slots]. Of one component at a time: the slots that have hit something, and 1 where they
-    do not lie [2, most]; directions [3, most]; the velocity along these that is lacking [m/s], impulses [kg m/s] and the
-    work of these on led ends for every unit [3, most]; the velocities of slots for every unit of an impulse, three rows
-    each [3 most, slots], and along which directions [most, most]."""
+    """Room for impacts. Of all slots, places and velocities at the end of the free step, or at the impact, and those after
+    contact of each for itself [6, slots], and the acceleration since the impact [3, slots]. Of all components, what they
+    have done, and the work on led ends until then [J].
+
+    Of one component at a time: the slots that have hit something, and 1 where they do not lie, or the slots, kinds and
+    colliders of rows (`lying`) [3, most]; directions [3, most]; the velocity along these that is lacking [m/s], impulses
+    [kg m/s], the work of these on led ends for every unit, and, of rows, the velocity that must be, the place of the
+    surface along it, and coefficients of friction [7, most]; the velocities of slots for every unit of an impulse, three
+    rows each [3 most, slots], and along which directions [most, most]."""
 
     free: Any
+    own: Any
     pull: Any
+    state: Any
+    spent: Any
     hit: Any
     direction: Any
     number: Any
@@ -55,13 +67,13 @@ class Blows(NamedTuple):
     matrix: Any
 
 
-def new_blows(slots: int, largest: int) -> Blows:
-    """Room for so many slots, the largest component with so many."""
-    most = max(1, min(MOST, ROOM // (3 * max(largest, 1))))
-    of_all = (np.zeros((6, slots)), np.zeros((3, slots)))
-    three = (np.zeros((3, most)), np.zeros((3, most)))
-    moves = np.zeros((3 * most, largest))
-    return Blows(*of_all, np.zeros((2, most), np.int64), *three, moves, np.zeros((most, most)))
+def new_blows(slots: int, components: int, largest: int) -> Blows:
+    """Room for so many slots and components, the largest with so many slots."""
+    most = max(3, min(3 * MOST, ROOM // (3 * max(largest, 1))))
+    of_slots = (np.zeros((6, slots)), np.zeros((6, slots)), np.zeros((3, slots)))
+    of_all = (*of_slots, np.zeros(components, np.int64), np.zeros(components))
+    rows = (np.zeros((3, most), np.int64), np.zeros((3, most)), np.zeros((7, most)))
+    return Blows(*of_all, *rows, np.zeros((3 * most, largest)), np.zeros((most, most)))
 
 
 def before_contact(rods: Any, c: Any, share: Any) -> None:
@@ -69,17 +81,6 @@ def before_contact(rods: Any, c: Any, share: Any) -> None:
     if rods is not None and rods.touched:
         meet(share.gate, share.threads)
         keep_free(rods, places(c))
-        meet(share.gate, share.threads)
-
-
-def after_contact(rods: Any, c: Any, before: Any, share: Any, h: Any) -> None:
-    """Pass on what components of a thread have hit in a step of h that has begun at `before`, and hold their rods; returns
-    when those of all threads are held."""
-    if rods is not None and rods.touched:
-        meet(share.gate, share.threads)
-        here, alone = places(c), c.spin is not None  # what impulses do to spheres that turn is not known here
-        if not (hold(rods, here, 0.0, True) if alone else pass_blows_on(rods, c.clock, here, before, h)):
-            share.wild[8 * share.number] = 1
         meet(share.gate, share.threads)
 
 
@@ -97,9 +98,12 @@ def keep_free(rods: Any, c: Any) -> None:
 def pass_blows_on(rods: Any, clock: Any, c: Any, before: Any, h: Any) -> bool:
     """Have all components of a thread that have hit something end the step as a whole, and hold their rods; whether that
     could be done. `before` is the beginning of the step of h."""
-    held = True
+    held, blows = True, rods.blows
     for k in range(rods.first, rods.last):
+        blows.state[k] = 0
         if has_met(rods, c, k):
+            keep_own(rods, c, k)
+            blows.spent[k] = rods.effort[k]
             count, since = find_hits(rods, clock, c, before, k), 0.0
             if count > 0:
                 since = go_back(rods, c, before, count, k, h)
@@ -108,9 +112,37 @@ def pass_blows_on(rods: Any, clock: Any, c: Any, before: Any, h: Any) -> bool:
                 go_on(rods, c, count, k, since)
             if shake(rods, c, k, since):
                 level(rods, c, k)
+                if count > 0:
+                    blows.state[k] = HAS_HIT
+                elif disagree(rods, clock, c, before, k):
+                    blows.state[k] = LIES
             else:
                 held = False
     return held
+
+
+def keep_own(rods: Any, c: Any, k: Any) -> None:
+    """Keep what contact has done to a component."""
+    rig, own = rods.rig, rods.blows.own
+    for s in range(rig.slots[k], rig.slots[k + 1]):
+        i = rig.rows[s]
+        own[0, s], own[1, s], own[2, s] = c.x[i], c.y[i], c.z[i]
+        own[3, s], own[4, s], own[5, s] = c.vx[i], c.vy[i], c.vz[i]
+
+
+def disagree(rods: Any, clock: Any, c: Any, before: Any, k: Any) -> bool:
+    """Whether rods have changed what contact has done to a component of which nothing has stuck, or is gone."""
+    rig, own, free, some = rods.rig, rods.blows.own, rods.blows.free, False
+    for s in range(rig.slots[k], rig.slots[k + 1]):
+        i = rig.rows[s]
+        if clock is not None and clock.outcome[i] != 0:
+            return False
+        x, y, z = own[3, s] - free[3, s], own[4, s] - free[4, s], own[5, s] - free[5, s]
+        if x * x + y * y + z * z > 0 and rig.inverse[s] > 0:
+            x, y, z = c.vx[i] - own[3, s], c.vy[i] - own[4, s], c.vz[i] - own[5, s]
+            a, b, d = free[3, s] - before[3, i], free[4, s] - before[4, i], free[5, s] - before[5, i]
+            some |= x * x + y * y + z * z > NOTICED * NOTICED * (a * a + b * b + d * d)
+    return bool(some)
 
 
 def has_met(rods: Any, c: Any, k: Any) -> bool:
@@ -133,7 +165,8 @@ def find_hits(rods: Any, clock: Any, c: Any, before: Any, k: Any) -> int:
         x, y, z = c.vx[i] - free[3, s], c.vy[i] - free[4, s], c.vz[i] - free[5, s]
         change = x * x + y * y + z * z
         if change > 0 and rig.inverse[s] > 0:
-            if count == blows.hit.shape[1] or (clock is not None and clock.outcome[i] != 0):
+            full = count == MOST or count == blows.hit.shape[1]
+            if full or (clock is not None and clock.outcome[i] != 0):
                 return 0
             a, b, d = free[3, s] - before[3, i], free[4, s] - before[4, i], free[5, s] - before[5, i]
             hits, size = change > HITS * HITS * (a * a + b * b + d * d), np.sqrt(change)

@@ -101,7 +101,8 @@ def new_rods(rig: Rig, *, eager: bool, touched: bool) -> Rods:
         np.zeros(entries),
     )
     effort, failed = np.zeros(components), np.full(components, -1)
-    blows = new_blows(slots if touched else 0, int(np.diff(rig.slots).max(initial=0)) if touched else 0)
+    size = (slots, components, int(np.diff(rig.slots).max(initial=0))) if touched else (0, 0, 0)
+    blows = new_blows(*size)
     return Rods(rig, bench, 0, components, eager, touched, effort, failed, np.zeros(components), blows)
 
 
@@ -113,7 +114,9 @@ def divided(rods: Rods, threads: int) -> list[Rods]:
     largest = rods.blows.moves.shape[1]
 
     def part(a: int, b: int) -> Rods:
-        blows = new_blows(0, largest)._replace(free=rods.blows.free, pull=rods.blows.pull)
+        all_of_it = rods.blows._asdict()
+        shared = {name: all_of_it[name] for name in ("free", "own", "pull", "state", "spent")}
+        blows = new_blows(0, 0, largest)._replace(**shared)
         return rods._replace(first=a, last=b, blows=blows)
 
     return [part(a, b) for a, b in pairwise([0, *borders.tolist(), len(rig.looped)])]

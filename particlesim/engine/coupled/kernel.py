@@ -11,7 +11,8 @@ from typing import Any
 
 from particlesim.compiler import kernel
 from particlesim.engine.barrier import meet
-from particlesim.engine.constraints.blows import after_contact, before_contact
+from particlesim.engine.constraints.blows import before_contact
+from particlesim.engine.constraints.lying import after_contact
 from particlesim.engine.constraints.shake_rattle import after_kicks, hold, places, take_aim
 from particlesim.engine.coupled.contact import collide
 from particlesim.engine.coupled.forces import (
@@ -268,7 +269,7 @@ def end_step(
     collide(parts, c, work.before, share, t, end, h, work.rebounds, work.again, held)
     if work.rebounds is not None:
         settle_rebounds(parts, bonds, c, work, share, t, end, h)
-    after_contact(share.rods, c, work.before, share, h)
+    after_contact(parts, share.rods, c, work.before, share, t, end, h)
     look_at_all(work.before, c, share)
     meet(share.gate, share.threads)
     good = share.wild.sum() == 0

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from particlesim.colliders.moving import MovingRecord, frame_at, spin_of, surface_velocity
+from particlesim.colliders.moving import MovingRecord, lead_of, spin_of
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.rigid.bodies import (
     GRAINS,
@@ -64,13 +64,6 @@ SUNK, DEEP = 0.5, 0.05
 """How deep a particle may come into a collider in a step: parts of its radius, and of its way."""
 SECOND = 1 << 47
 """Added to the number of a contact with a second face."""
-
-
-def lead_of(shape: Any, x: Any, t: Any) -> Any:
-    """The velocity of the surface of a collider at a place [m/s]."""
-    if isinstance(shape, MovingRecord):
-        return surface_velocity(shape, frame_at(shape, t, x[0]), x[0], x[1], x[2])
-    return 0.0, 0.0, 0.0
 
 
 def fastest(shape: Any, lead: Any, far: Any) -> Any:
