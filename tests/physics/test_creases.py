@@ -493,3 +493,28 @@ def test_what_slides_on_one_side_of_a_shape_rebounds_from_another(
     place = [0.08, -0.5 + radius, -0.5 + radius + 3.5 * e * (0.08 - hit)]
     assert final.velocity[0] == pytest.approx([1, 0, 3.5 * e], abs=1e-9)
     assert final.position[0] == pytest.approx(place, abs=1e-9)
+
+
+def test_balls_that_turn_back_at_the_edge_of_a_box_on_their_floor_stop_no_higher_than_they_come_from() -> (
+    None
+):
+    """Put back on the rounded edge, they stopped where they had not the energy to be: 2·10⁻⁶ J/kg above."""
+    rng, n, radius, h = np.random.default_rng(5), 400, 0.05, 0.0093
+    turn, corner, gap = rng.uniform(0, np.pi / 2, n), rng.integers(0, 4, n), rng.uniform(0, 0.002, n)
+    x = np.array([1, -1, -1, 1])[corner] * (0.3 + (radius + gap) * np.cos(turn))
+    z = np.array([1, 1, -1, -1])[corner] * (0.3 + (radius + gap) * np.sin(turn))
+    places = np.stack([x, np.full(n, radius), z], axis=1)
+    velocity = rng.uniform(-0.2, 0.2, (n, 3)) * (1, 0, 1)
+    pull = (0.8, -28.7, -8.6)
+    places, speeds = way(
+        1,
+        20 * h,
+        h,
+        "velocity_verlet",
+        particles=[points(*places.tolist(), velocity=velocity.tolist(), radius=radius)],
+        forces=[{"type": "gravity", "acceleration": list(pull)}],
+        planes=[{"restitution": 0.0}],
+        colliders=[{"type": "box", "center": [0, 0.3, 0], "size": [0.6, 0.6, 0.6], "restitution": 0.0}],
+    )
+    energy = 0.5 * (speeds**2).sum(axis=-1) - places @ np.array(pull)
+    assert np.diff(energy, axis=0).max() < 1e-12

@@ -28,7 +28,7 @@ from particlesim.engine.step.contacts import (
 )
 from particlesim.engine.step.crossing import all_apart, straight
 from particlesim.engine.step.lateness import along_contacts, hastened
-from particlesim.engine.step.lying import settled, settled_one
+from particlesim.engine.step.lying import no_higher, settled, settled_one
 from particlesim.engine.step.particle_step import kick
 from particlesim.engine.step.resting import glides_in, stays, turns
 from particlesim.laws.registry import PASS, moved_to
@@ -55,6 +55,7 @@ def rest(contacts: Any, p: Any, q: Any, h: Any) -> Any:
     slack, alone = rounding_of_step(contacts, p, q, h), contacts.one_by_one is not None
     look = settled_one if alone else settled
     r, on, turn = look(contacts.continuous, p, q, h, contacts.tolerance, slack, False)
+    r = no_higher(contacts.continuous, on, p, q, r, h, contacts.tolerance, slack)
     calm = any(on) & (turn >= 1)
     if len(contacts.continuous) > 1 or crossable(
         contacts.continuous[0]

@@ -367,14 +367,19 @@ def _around_bend(c: Any, r: Any, n: Any, m: Any, slack: Any) -> Any:
     return r, n, m
 
 
-def no_faster(colliders: Any, p: Any, q: Any, r: Any, h: Any, tolerance: Any, slack: Any) -> Any:
+def no_faster(
+    colliders: Any, p: Any, q: Any, r: Any, h: Any, tolerance: Any, slack: Any, rounds: bool = False
+) -> Any:
     """The end r of a step along some colliders that would be free to q, no faster than the work of all forces allows, and
     no higher than its energy reaches: where a shape turns away under the way, its parts taken as planes may lift what
-    glides on them."""
+    glides on them. Where it `rounds`, the work of rounding errors of places is none."""
     over = _gained(p, r, q, h) - max(_gained(p, q, q, h), h - h)
     had = dot((r.vx, r.vy, r.vz), (r.vx, r.vy, r.vz))
     left = had - (over + over)
-    slower = over > 8 * tolerance * had
+    least = 8 * tolerance * had
+    if rounds:
+        least += slack / h * (abs(q.vx - p.vx) + abs(q.vy - p.vy) + abs(q.vz - p.vz))
+    slower = over > least
     kept = np.sqrt(left / had) if slower & (left > 0) else h - h
     slowed = chosen(slower, at_place(r, (r.x, r.y, r.z), (kept * r.vx, kept * r.vy, kept * r.vz)), r)
     if slower & (left < 0):

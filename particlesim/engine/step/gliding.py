@@ -14,7 +14,7 @@ from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.at_rest import rough, runs
 from particlesim.engine.step.contacts import loose, nowhere, rounding_of_step, sunk, touches
 from particlesim.engine.step.creases import no_faster, wedged
-from particlesim.engine.step.lying import borne, settled_one
+from particlesim.engine.step.lying import borne, no_higher, settled_one
 from particlesim.engine.step.particle_step import advance, restart
 from particlesim.engine.step.resting import LEVEL
 from particlesim.laws.registry import gap, moved_to
@@ -52,6 +52,8 @@ def glide(
         wedge = rough(contacts.continuous) & (sum(on) > 1)
         if (wedge or loose(contacts.continuous, on, p, r, slack)) and not blocked:
             r, on, turn = _corner(contacts, p, q, r, on, h, slack, sure)
+        elif turn >= 1:
+            r = no_higher(contacts.continuous, on, p, q, r, h, contacts.tolerance, slack)
         if any(on) and _off(contacts.continuous, on, q, r, slack):
             on, turn = nowhere(contacts.continuous), type_of(h, 1)  # beyond an edge, where nothing bears it
         if any(on):

@@ -8,7 +8,7 @@ import numpy as np
 
 from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import MovingRecord, alight_after, frame_at, ride, ride_until
-from particlesim.colliders.response import at_rest, square
+from particlesim.colliders.response import at_rest, crossable, square
 from particlesim.compiler import outlined
 from particlesim.engine.state.columns import chosen, type_of
 from particlesim.engine.step.contacts import MANY, SHALLOW, coarse
@@ -37,6 +37,16 @@ def settled(
 def settled_one(colliders: Any, p: Any, q: Any, h: Any, tolerance: Any, slack: Any, sure: Any) -> Any:
     """`settled`, for where it is looked at one particle by itself."""
     return settled(colliders, p, q, h, tolerance, slack, sure, len(colliders) > MANY)
+
+
+def no_higher(colliders: Any, on: Any, p: Any, q: Any, r: Any, h: Any, tolerance: Any, slack: Any) -> Any:
+    """The end r of a step from p on some colliders, of which a convex one may have lifted it: `no_faster` than the uniform
+    force allows that would lead to q without them."""
+    convex = any(crossable(c) and not dented(c.shape) for c in colliders)
+    runs = any(isinstance(c.shape, MovingRecord) or c.response.belt is not None for c in colliders)
+    if not convex or runs or any(c.response.turning is not None for c in colliders):
+        return r
+    return chosen(any(on), no_faster(colliders, p, q, r, h, tolerance, slack, True), r)
 
 
 @outlined
