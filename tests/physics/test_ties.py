@@ -643,3 +643,35 @@ def test_a_light_bead_that_lies_under_a_load_gains_nothing(radius: float) -> Non
     }
     energy, most = energies(Simulation(ps.from_table(table(0.2, 5e-4, **parts))))
     assert energy.max() < energy[0] + 5e-2 * most  # it swings with the step
+
+
+def test_what_keeps_beads_before_colliders_looks_at_beads_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Grains that touch the body were among them: their numbers were written beyond the end of an array.
+    looks: list[tuple[int, ...]] = []
+
+    def look(walls: Any, kind: Any, radius: Any, x: Any, y: Any, gain: Any, *more: Any) -> None:
+        looks.append((len(kind), len(radius), x.shape[1], y.shape[1], gain.shape[1], len(more[-2])))
+
+    monkeypatch.setattr("particlesim.engine.islands.rigid.passed", look)
+    sand = np.random.default_rng(1).uniform(-0.1, 0.1, (40, 3)) + np.array((0, 0.8, 0))
+    simulate(
+        0.01,
+        1e-3,
+        bodies=[
+            {
+                "name": "b",
+                "mass": 5,
+                "shape": {"type": "box", "size": [0.4, 0.2, 0.4]},
+                "position": [0, 0.6, 0],
+            }
+        ],
+        particles=[
+            points((-0.3, 0.05, 0), (0.3, 0.05, 0), (0, 0.05, 0.3), mass=0.1, radius=0.0, name="feet"),
+            points(*sand.tolist(), mass=1e-3, radius=0.005, name="sand"),
+        ],
+        rods=[{"name": f"leg{k}", "between": ["b", "feet"], "pairs": [[0, k]]} for k in range(3)],
+        interactions=[{"type": "contact", "on": ["sand", "b"], "restitution": 0.0}],
+        colliders=[{"type": "rectangle", "size": [4, 4], "restitution": 0.0}],
+    )
+    assert looks
+    assert set(looks) == {(3,) * 6}

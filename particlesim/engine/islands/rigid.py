@@ -268,15 +268,17 @@ class RigidIsland(BaseIsland):
         visitors, x, turn = self._set_out
         n, component = self._joined.whole.count, self._scene.joints.component
         found, how = np.zeros(visitors.held, np.int64), np.zeros((6, visitors.held))
-        given = (visitors.kind, visitors.radius, x[:, n:], whole.x[:, n:])
+        some = slice(visitors.held)
+        kinds, radii, gain = visitors.kind[some], visitors.radius[some], visitors.gain[:, some]
+        given = (kinds, radii, x[:, n:], np.ascontiguousarray(whole.x[:, n:]), np.ascontiguousarray(gain))
         slack = SLACK * float(np.abs(x).max())
         passed(self.support.walls, *given, slack, step * self.dt, self.dt, found, how)
         stopped = np.flatnonzero(found)
         if not stopped.size:
             return True
         for m in stopped.tolist():
-            some = component == component[n + m]
-            whole.x[:, some], whole.turn[:, some] = x[:, some] + self.dt * how[3:, m, None], turn[:, some]
+            same = component == component[n + m]
+            whole.x[:, same], whole.turn[:, same] = x[:, same] + self.dt * how[3:, m, None], turn[:, same]
         normal, lead = how[:3, stopped], how[3:, stopped]
         for _ in range(STOPS):
             come = np.minimum(((whole.v[:, n + stopped] - lead) * normal).sum(axis=0), 0.0)

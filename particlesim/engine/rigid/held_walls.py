@@ -61,7 +61,7 @@ SAME_FACE = 0.9
 QUICK = 2.0
 """What comes faster than so many times what changes its velocity in a step rebounds."""
 SUNK, DEEP = 0.5, 0.05
-"""How deep a particle may come into a collider in a step: parts of its radius, and of its way."""
+"""How deep a particle may come into a collider in a step, beside `HOP`: parts of its radius, and of its way."""
 SECOND = 1 << 47
 """Added to the number of a contact with a second face."""
 
@@ -247,16 +247,28 @@ def lift(shift: Any, lifted: Any, m: Any, way: Any) -> None:
 
 @kernel
 def passed(
-    walls: Any, kind: Any, radius: Any, x: Any, y: Any, slack: Any, t: Any, h: Any, found: Any, how: Any
+    walls: Any,
+    kind: Any,
+    radius: Any,
+    x: Any,
+    y: Any,
+    gain: Any,
+    slack: Any,
+    t: Any,
+    h: Any,
+    found: Any,
+    how: Any,
 ) -> None:
     """Which particles of these kinds have passed a thin collider in a step of h from x to y [3, n], which began at t, or
-    have come into a thick one, into found [n]; its normal at x and the velocity of its surface there, into how [6, n]."""
+    have come deep into a thick one, into found [n]; its normal at x and the velocity of its surface there, into how [6, n].
+    `gain` [3, n]: the velocities that forces give in a step."""
     for wall in walls:
         for m in range(radius.size):
             if wall.on[kind[m]] > 0 and found[m] == 0:
                 p, q = probe(row(x, m), radius[m], t), probe(row(y, m), radius[m], t + h)
                 way, deep = minus(row(y, m), row(x, m)), gap(wall.shape, q)
-                sunk = deep < -(SUNK * radius[m] + DEEP * np.sqrt(dot(way, way)) + slack)
+                falls = HOP * h * np.sqrt(dot(row(gain, m), row(gain, m)))
+                sunk = deep < -(SUNK * radius[m] + DEEP * np.sqrt(dot(way, way)) + falls + slack)
                 if (sunk and deep < gap(wall.shape, p)) or through(wall, p, q, slack) < 1:
                     found[m], n, lead = 1, away(wall.shape, p), lead_of(wall.shape, row(x, m), t)
                     for axis in range(3):
