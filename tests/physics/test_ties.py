@@ -601,6 +601,15 @@ def test_chains_on_rods_do_not_pass_a_thin_sheet(seed: int, fastest: float, radi
         assert energy[-1] > energy[0] - 2e-2 * most
 
 
+def test_what_rods_would_draw_through_a_sheet_is_told() -> None:
+    told = []
+    for seed in (7, 8, 13):
+        run = ps.run(ps.from_table(table(0.3, 2e-3, **hanging_chain(seed, 3.0, 0.0))))
+        assert run.final.position[:, 1].min() > 0
+        told.append(any("would have drawn a particle through a collider" in each for each in run.warnings))
+    assert told == [True, False, True]
+
+
 @pytest.mark.parametrize("restitution", [0.0, 1.0])
 def test_a_sheet_that_rises_to_points_on_rods_is_not_passed(restitution: float) -> None:
     # What a rod would draw through it waits before it, and goes with it.
@@ -652,7 +661,7 @@ def test_what_keeps_beads_before_colliders_looks_at_beads_alone(monkeypatch: pyt
     def look(walls: Any, kind: Any, radius: Any, x: Any, y: Any, gain: Any, *more: Any) -> None:
         looks.append((len(kind), len(radius), x.shape[1], y.shape[1], gain.shape[1], len(more[-2])))
 
-    monkeypatch.setattr("particlesim.engine.islands.rigid.passed", look)
+    monkeypatch.setattr("particlesim.engine.rigid.kept_back.passed", look)
     sand = np.random.default_rng(1).uniform(-0.1, 0.1, (40, 3)) + np.array((0, 0.8, 0))
     simulate(
         0.01,

@@ -29,12 +29,12 @@ from particlesim.engine.rigid.bodies import (
 from particlesim.engine.rigid.fluids import through_surface
 from particlesim.engine.rigid.grains import put_out
 from particlesim.engine.rigid.hearing import share_out, with_particles
-from particlesim.engine.rigid.held_walls import passed
 from particlesim.engine.rigid.joint_system import (
     made_joints,
     require_speeds,
 )
 from particlesim.engine.rigid.joints import ROD
+from particlesim.engine.rigid.kept_back import SetOut, keep_before_walls
 from particlesim.engine.rigid.kernel import (
     ASKS,
     FULL,
@@ -88,10 +88,6 @@ TRIED = 8
 """Overlaps at the start of which it is looked whether the body can get out."""
 ROUNDING = 1e-12
 """Part of a kinetic energy that rounding makes."""
-SLACK = 64 * float(np.finfo(float).eps)
-"""Rounding of a place by which it may be behind a collider, as a part of the largest coordinate."""
-STOPS = 8
-"""Turns in which what must not come nearer to a collider is stopped, and its rods share that out."""
 ROOM = 16
 """Contacts for each body that there is room for at first."""
 
@@ -165,10 +161,9 @@ class RigidIsland(BaseIsland):
         """Their impacts that emitters hear, as `hearing` has them."""
         self.left: Left
         """The visitors after the step."""
-        self._set_out: tuple[Visitors, Floats, Floats]
-        """The visitors before it, and where bodies and particles on rods were, shapes [3, n] and [4, n]."""
+        self._set_out: SetOut
         self.stayed = np.zeros(1, np.int64)
-        """How often particles on rods have stayed where they were, with all that hangs on them (`_keep_before_walls`)."""
+        """How often particles on rods have stayed where they were, with all that hangs on them (`kept_back`)."""
         if self._made:
             self._close()
 
@@ -256,37 +251,13 @@ class RigidIsland(BaseIsland):
         before = _kinetic(whole, motion) if book else 0.0
         held = hold_ends(self._scene, whole, motion, self._joined.whole.count, 0.5 * self.dt)
         if held:
-            held = self._keep_before_walls(whole, motion, step)
+            given = (self._scene, self.support, self._set_out, whole, motion)
+            held, stayed = keep_before_walls(*given, step * self.dt, self.dt)
+            self.stayed[0] += stayed
         if book and self.books is not None:
             self.books.add("contact", _kinetic(whole, motion) - before + self.ties.unforeseen())
         self._take(whole)
         return None if held else self._fault(step, opened=True)
-
-    def _keep_before_walls(self, whole: Bodies, motion: Motion, step: int) -> bool:
-        """What hangs together with a particle on rods that a step has led through a thin collider, or into a thick one,
-        stays before that until the end of the step, and comes no nearer; whether joints could be held."""
-        visitors, x, turn = self._set_out
-        n, component = self._joined.whole.count, self._scene.joints.component
-        found, how = np.zeros(visitors.held, np.int64), np.zeros((6, visitors.held))
-        some = slice(visitors.held)
-        kinds, radii, gain = visitors.kind[some], visitors.radius[some], visitors.gain[:, some]
-        given = (kinds, radii, x[:, n:], np.ascontiguousarray(whole.x[:, n:]), np.ascontiguousarray(gain))
-        slack = SLACK * float(np.abs(x).max())
-        passed(self.support.walls, *given, slack, step * self.dt, self.dt, found, how)
-        stopped = np.flatnonzero(found)
-        if not stopped.size:
-            return True
-        for m in stopped.tolist():
-            same = component == component[n + m]
-            whole.x[:, same], whole.turn[:, same] = x[:, same] + self.dt * how[3:, m, None], turn[:, same]
-        normal, lead = how[:3, stopped], how[3:, stopped]
-        for _ in range(STOPS):
-            come = np.minimum(((whole.v[:, n + stopped] - lead) * normal).sum(axis=0), 0.0)
-            whole.v[:, n + stopped] -= come * normal
-            if not close_joints(self._scene, whole, motion):
-                return False
-        self.stayed[0] += len(stopped)
-        return True
 
     def advance(
         self, first: int, last: int, team: Team, laps: Laps | None = None, look: Look | None = None
@@ -317,7 +288,7 @@ class RigidIsland(BaseIsland):
                 given[:] = 0.0
         whole, scene, motion = self._received(b, visitors)
         some = slice(b.w.size + visitors.held)
-        self._set_out = visitors, whole.x[:, some].copy(), whole.turn[:, some].copy()
+        self._set_out = SetOut(visitors, whole.x[:, some].copy(), whole.turn[:, some].copy())
         guests, hurried = scene.guests, (self.watch.copy(), self.tired.copy(), self.alone.copy())
         if self._asked and self.pull_on is not None:  # as it would be asked for again
             visitors = inform(guests, visitors, self.pull_on(step * self.dt, None)[0], self.dt)
