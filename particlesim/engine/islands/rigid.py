@@ -34,7 +34,7 @@ from particlesim.engine.rigid.joint_system import (
     require_speeds,
 )
 from particlesim.engine.rigid.joints import ROD
-from particlesim.engine.rigid.kept_back import SetOut, keep_before_walls
+from particlesim.engine.rigid.kept_back import SetOut, keep_before_walls, set_out
 from particlesim.engine.rigid.kernel import (
     ASKS,
     FULL,
@@ -287,8 +287,7 @@ class RigidIsland(BaseIsland):
             for given in (self._obstacles.given, *self._blows):
                 given[:] = 0.0
         whole, scene, motion = self._received(b, visitors)
-        some = slice(b.w.size + visitors.held)
-        self._set_out = SetOut(visitors, whole.x[:, some].copy(), whole.turn[:, some].copy())
+        self._set_out = set_out(visitors, whole, b.w.size)
         guests, hurried = scene.guests, (self.watch.copy(), self.tired.copy(), self.alone.copy())
         if self._asked and self.pull_on is not None:  # as it would be asked for again
             visitors = inform(guests, visitors, self.pull_on(step * self.dt, None)[0], self.dt)

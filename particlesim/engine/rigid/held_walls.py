@@ -60,7 +60,7 @@ SAME_FACE = 0.9
 """The cosine of the angle between two normals of a collider from which on they are those of one face of it."""
 QUICK = 2.0
 """What comes faster than so many times what changes its velocity in a step rebounds."""
-SUNK, DEEP = 0.5, 0.05
+SUNK, DEEP = 0.5, 0.002
 """How deep a particle may come into a collider in a step, beside `HOP`: parts of its radius, and of its way."""
 SECOND = 1 << 47
 """Added to the number of a contact with a second face."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from particlesim.engine.rigid.bodies import Bodies, Motion
 from particlesim.engine.rigid.held_walls import passed
-from particlesim.engine.rigid.kernel import Scene, close_joints
+from particlesim.engine.rigid.kernel import Scene, close_joints, velocities_of
 from particlesim.engine.rigid.support import Support
 from particlesim.engine.rigid.visit import Visitors
 from particlesim.model.arrays import Floats
@@ -20,19 +21,28 @@ STOPS = 8
 
 
 class SetOut(NamedTuple):
-    """The visitors before a step, and the places [3, n] and orientations [4, n] of bodies and particles on rods."""
+    """The visitors before a step, and places [3, n], velocities [3, n], orientations [4, n] and angular momenta [3, n] of
+    bodies and particles on rods."""
 
     visitors: Visitors
     x: Floats
+    v: Floats
     turn: Floats
+    spin: Floats
+
+
+def set_out(visitors: Visitors, whole: Bodies, bodies: int) -> SetOut:
+    """How a step begins, with so many bodies."""
+    some = slice(bodies + visitors.held)
+    return SetOut(visitors, *(each[:, some].copy() for each in whole[:4]))
 
 
 def keep_before_walls(
     scene: Scene, support: Support, begun: SetOut, whole: Bodies, motion: Motion, t: float, h: float
 ) -> tuple[bool, int]:
     """What hangs together with a particle on rods that a step of h from a time t has led through a thin collider, or deep
-    into a thick one, stays before that until the end of the step, and comes no nearer. Whether joints could be held, and
-    how many particles that are."""
+    into a thick one, stays before that until the end of the step, and comes no nearer. As it does not move, it becomes no
+    faster than it was, or than forces make it in a step. Whether joints could be held, and how many particles that are."""
     visitors, some, component = begun.visitors, slice(begun.visitors.held), scene.joints.component
     n = whole.w.size - visitors.held
     found, how = np.zeros(visitors.held, np.int64), np.zeros((6, visitors.held))
@@ -44,6 +54,17 @@ def keep_before_walls(
     for m in stopped.tolist():
         same = component == component[n + m]
         whole.x[:, same], whole.turn[:, same] = begun.x[:, same] + h * how[3:, m, None], begun.turn[:, same]
+    for k in np.unique(component[n + stopped]):
+        same = (component == k) & (whole.w > 0)
+        ends = whole.v[:, same].copy(), whole.spin[:, same].copy()
+        now = _kinetic(whole, motion, same)
+        whole.v[:, same], whole.spin[:, same] = begun.v[:, same], begun.spin[:, same]
+        beads = same[n:]
+        most = max(
+            _kinetic(whole, motion, same), 0.5 * float(((gain**2)[:, beads] / whole.w[n:][beads]).sum())
+        )
+        slower = min(1.0, np.sqrt(most / now)) if now > 0 else 1.0
+        whole.v[:, same], whole.spin[:, same] = slower * ends[0], slower * ends[1]
     normal, lead = how[:3, stopped], how[3:, stopped]
     for _ in range(STOPS if stopped.size else 0):
         come = np.minimum(((whole.v[:, n + stopped] - lead) * normal).sum(axis=0), 0.0)
@@ -51,3 +72,10 @@ def keep_before_walls(
         if not close_joints(scene, whole, motion):
             return False, 0
     return True, len(stopped)
+
+
+def _kinetic(whole: Bodies, motion: Motion, some: NDArray[np.bool_]) -> float:
+    """The kinetic energy of some bodies and particles [J]."""
+    velocities_of(whole, motion)
+    turning = (motion.now[some, 3:].T * whole.spin[:, some]).sum()
+    return float(0.5 * ((whole.v[:, some] ** 2 / whole.w[some]).sum() + turning))
