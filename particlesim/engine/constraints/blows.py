@@ -24,10 +24,20 @@ import numpy as np
 
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.barrier import meet
-from particlesim.engine.constraints.shake_rattle import assemble, eliminate, level, places, shake, solve
+from particlesim.engine.constraints.shake_rattle import (
+    ROUNDING,
+    assemble,
+    eliminate,
+    level,
+    places,
+    shake,
+    solve,
+)
 
 MOST = 32
 """Particles of a component that may hit something in a step; where there are more, each bounces for itself."""
+ROWS = 384
+"""Directions at all contacts of a component that lies (`lying`); where there are more, each lies for itself."""
 ROOM = 1 << 22
 """Numbers for what impulses do, at most."""
 HITS = 2.0
@@ -52,8 +62,8 @@ class Blows(NamedTuple):
     Of one component at a time: the slots that have hit something, and 1 where they do not lie, or the slots, kinds and
     colliders of rows (`lying`) [3, most]; directions [3, most]; the velocity along these that is lacking [m/s], impulses
     [kg m/s], the work of these on led ends for every unit, and, of rows, the velocity that must be, the place of the
-    surface along it, and coefficients of friction [7, most]; the velocities of slots for every unit of an impulse, three
-    rows each [3 most, slots], and along which directions [most, most]."""
+    surface along it, and coefficients of friction, the last one that which acts [8, most]; the velocities of slots for
+    every unit of an impulse, three rows each [3 most, slots], and along which directions [most, most]."""
 
     free: Any
     own: Any
@@ -69,10 +79,10 @@ class Blows(NamedTuple):
 
 def new_blows(slots: int, components: int, largest: int) -> Blows:
     """Room for so many slots and components, the largest with so many slots."""
-    most = max(3, min(3 * MOST, ROOM // (3 * max(largest, 1))))
+    most = max(3, min(ROWS, ROOM // (3 * max(largest, 1))))
     of_slots = (np.zeros((6, slots)), np.zeros((6, slots)), np.zeros((3, slots)))
     of_all = (*of_slots, np.zeros(components, np.int64), np.zeros(components))
-    rows = (np.zeros((3, most), np.int64), np.zeros((3, most)), np.zeros((7, most)))
+    rows = (np.zeros((3, most), np.int64), np.zeros((3, most)), np.zeros((8, most)))
     return Blows(*of_all, *rows, np.zeros((3 * most, largest)), np.zeros((most, most)))
 
 
@@ -142,6 +152,10 @@ def disagree(rods: Any, clock: Any, c: Any, before: Any, k: Any) -> bool:
             x, y, z = c.vx[i] - own[3, s], c.vy[i] - own[4, s], c.vz[i] - own[5, s]
             a, b, d = free[3, s] - before[3, i], free[4, s] - before[4, i], free[5, s] - before[5, i]
             some |= x * x + y * y + z * z > NOTICED * NOTICED * (a * a + b * b + d * d)
+            x, y, z = c.x[i] - own[0, s], c.y[i] - own[1, s], c.z[i] - own[2, s]
+            a, b, d = free[0, s] - before[0, i], free[1, s] - before[1, i], free[2, s] - before[2, i]
+            least = 4 * ROUNDING * (abs(own[0, s]) + abs(own[1, s]) + abs(own[2, s]))
+            some |= x * x + y * y + z * z > NOTICED * NOTICED * (a * a + b * b + d * d) + least * least
     return bool(some)
 
 

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from particlesim.colliders.dents import dented
 from particlesim.colliders.moving import carried, lead_of
 from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
@@ -56,8 +57,14 @@ from particlesim.laws.registry import PASS, gap_and_normal, moved_to
 NORMAL, SMOOTH, ALONG, DRAGGED = 0, 1, 2, 3
 """What a row is: a normal with two directions of friction after it, one without, such a direction, or one along which a part
 of the velocity is lost."""
+SLIPS, SLIDES = 8, 1e-7
+"""How often contacts are looked at that static friction may not hold; the part of the largest velocity, and of the friction
+that there may be, that tells."""
 TURNS = 4
 """How often what is inside of a collider is put out, and rods put right after that."""
+WALLS, SAME_WALL = 3, 0.9
+"""Walls of one collider that a particle may touch, as in a corner of a room; the cosine of the angle between two normals
+from which on they are those of one wall."""
 NEAR = 8.0
 """Gap up to which a particle takes part, in ways that forces move the fastest in a step."""
 
@@ -100,10 +107,10 @@ def _settle(parts: Any, rods: Any, c: Any, before: Any, k: Any, state: Any, t: A
     held = True
     if state == LIES:
         part, change = lateness(rods, before, k, h)
-        count = find_touch(parts, rods, c, k, end, part * h, NEAR * h * change)
+        count = find_touch(parts, rods, c, before, k, t, end, part * h, NEAR * h * change)
         held = count == 0 or lie(parts, rods, c, count, k, end, part * h)
     else:
-        count = find_touch(parts, rods, c, k, end, 0.0, h * fastest(rods, k))
+        count = find_touch(parts, rods, c, before, k, t, end, 0.0, h * fastest(rods, k))
         held = count == 0 or lift_out(parts, rods, c, count, k, end)
         if held and count > 0:
             level(rods, places(c), k)
@@ -140,7 +147,9 @@ def fastest(rods: Any, k: Any) -> Any:
 
 
 @outlined
-def find_touch(parts: Any, rods: Any, c: Any, k: Any, end: Any, late: Any, near: Any) -> int:
+def find_touch(
+    parts: Any, rods: Any, c: Any, before: Any, k: Any, t: Any, end: Any, late: Any, near: Any
+) -> int:
     """The rows of what a component touches, or is near to; 0 if that is nothing, too much, or nothing that is known here.
     `late`: the time by which impulses of the step act on places."""
     rig, count = rods.rig, 0
@@ -151,62 +160,93 @@ def find_touch(parts: Any, rods: Any, c: Any, k: Any, end: Any, late: Any, near:
                 if (part.first <= i) & (i < part.last):
                     for number, each in enumerate(hard(part.contacts)):
                         if count >= 0:
-                            count = note_touch(each, number, rods, c, s, count, end, late, near)
+                            count = note_touch(each, number, rods, c, before, s, count, t, end, late, near)
     return max(count, 0)
 
 
 @outlined
 def note_touch(
-    each: Any, number: Any, rods: Any, c: Any, s: Any, count: Any, end: Any, late: Any, near: Any
+    each: Any,
+    number: Any,
+    rods: Any,
+    c: Any,
+    before: Any,
+    s: Any,
+    count: Any,
+    t: Any,
+    end: Any,
+    late: Any,
+    near: Any,
 ) -> int:
-    """Add rows for slot s if it is near a collider; how many there are then, −1 if there is no room, or nothing to do with
-    this collider."""
-    blows, own, free = rods.blows, rods.blows.own, rods.blows.free
-    p = fetch(c, rods.rig.rows[s], end)
+    """Add rows for slot s if it is near a collider, or near several walls of one; how many there are then, −1 if there is no
+    room, or nothing to do with this collider."""
+    blows, own, free, first = rods.blows, rods.blows.own, rods.blows.free, count
+    i = rods.rig.rows[s]
+    p = fetch(c, i, end)
     x, y, z = (type_of(p.x, own[axis, s]) for axis in range(3))
-    found, normal = gap_and_normal(each, moved_to(p, x, y, z, p.vx, p.vy, p.vz, end))
-    distance = float(found)
-    if not distance <= near:
-        return int(count)
     response = each.response
     rubs, drags = response.friction is not None, response.loss > 0
     rows = 1 + (2 if rubs else 0) + (2 if drags else 0)
-    if count + rows > blows.hit.shape[1] or response.outcome != PASS:
-        return -1
-    n = tuple(0.0 if axis is None else float(axis) for axis in normal)
     u = tuple(float(axis) for axis in lead_of(each.shape, (x, y, z), end))
-    gone, arrives, leaves, away, met = 0.0, 0.0, 0.0, 0.0, False
+    met, ways = False, (0.0, 0.0, 0.0)
     for axis in range(3):
-        gone += n[axis] * (free[axis, s] - own[axis, s])
-        arrives += n[axis] * (free[3 + axis, s] - u[axis])
-        leaves += n[axis] * (own[3 + axis, s] - u[axis])
-        away += n[axis] * own[axis, s]
         met |= own[3 + axis, s] != free[3 + axis, s]
-    above, need = distance + gone, 0.0
-    if above > 0:
-        need = min(0.0, arrives - above / late) if late > 0 else -np.inf
-    elif met and arrives < 0:
-        need = min(max(leaves, 0.0), -arrives)  # not as fast as at the impact, if it is slower now
-    need += n[0] * u[0] + n[1] * u[1] + n[2] * u[2]
-    add_row(blows, count, s, NORMAL if rubs else SMOOTH, n)
-    blows.hit[2, count] = number
-    blows.number[3, count], blows.number[4, count] = need, away - distance
-    if response.friction is not None:
-        friction = response.friction
-        blows.number[5, count], blows.number[6, count] = float(friction.static), float(friction.kinetic)
-    if rubs or drags:
-        runs = carried(each.shape, response.belt, end, x)
-        w = u if runs is None else tuple(a + float(b) for a, b in zip(u, runs, strict=True))
-        one = aside(n)
-        other = cross(n, one)
-        at = count + 1
-        if rubs:
-            add_along(blows, at, s, ALONG, one, other, w, 0.0)
-            at += 2
-        if drags:
-            alone = float(response.keep) / float(response.loss) * rods.rig.inverse[s]
-            add_along(blows, at, s, DRAGGED, one, other, w, alone)
-    return int(count) + rows
+    for _ in range(WALLS if dented(each.shape) else 1):
+        there = moved_to(
+            p,
+            x + type_of(x, ways[0]),
+            y + type_of(x, ways[1]),
+            z + type_of(x, ways[2]),
+            p.vx,
+            p.vy,
+            p.vz,
+            end,
+        )
+        found, normal = gap_and_normal(each, there)
+        n = tuple(0.0 if axis is None else float(axis) for axis in normal)
+        # Looked at from some way off a wall, the next one is nearest.
+        distance = float(found) - (n[0] * ways[0] + n[1] * ways[1] + n[2] * ways[2])
+        ways = tuple(way + 2 * near * axis for way, axis in zip(ways, n, strict=True))
+        gone, arrives, leaves, away = 0.0, 0.0, 0.0, 0.0
+        for axis in range(3):
+            gone += n[axis] * (free[axis, s] - own[axis, s])
+            arrives += n[axis] * (free[3 + axis, s] - u[axis])
+            leaves += n[axis] * (own[3 + axis, s] - u[axis])
+            away += n[axis] * own[axis, s]
+        above, need, new = distance + gone, 0.0, min(distance, distance + gone) <= near
+        for m in range(first, count):
+            d = blows.direction
+            new &= n[0] * d[0, m] + n[1] * d[1, m] + n[2] * d[2, m] < SAME_WALL
+        if new:
+            if count + rows > blows.hit.shape[1] or response.outcome != PASS:
+                return -1
+            if above > 0:
+                need = min(0.0, arrives - above / late) if late > 0 else -np.inf
+            elif met and arrives < 0:
+                need = min(max(leaves, 0.0), -arrives)  # not as fast as at the impact, if it is slower now
+            need += n[0] * u[0] + n[1] * u[1] + n[2] * u[2]
+            add_row(blows, count, s, NORMAL if rubs else SMOOTH, n)
+            blows.hit[2, count] = number
+            blows.number[3, count], blows.number[4, count] = need, away - distance
+            if response.friction is not None:
+                friction = response.friction
+                blows.number[5, count] = float(friction.static)
+                blows.number[6, count] = float(friction.kinetic)
+                blows.number[7, count] = float(friction.static)
+            if rubs or drags:
+                runs = carried(each.shape, response.belt, end, x)
+                w = u if runs is None else tuple(a + float(b) for a, b in zip(u, runs, strict=True))
+                one = aside(n)
+                other = cross(n, one)
+                at = count + 1
+                if rubs:
+                    add_along(blows, at, s, ALONG, one, other, w, 0.0)
+                    at += 2
+                if drags:
+                    alone = float(response.keep) / float(response.loss) * rods.rig.inverse[s]
+                    add_along(blows, at, s, DRAGGED, one, other, w, alone)
+            count += rows
+    return int(count)
 
 
 def add_along(blows: Any, at: Any, s: Any, kind: Any, one: Any, other: Any, w: Any, softness: Any) -> None:
@@ -354,16 +394,16 @@ def depth_in(each: Any, rods: Any, c: Any, m: Any, end: Any) -> float:
     own, d, q = blows.own, blows.direction, fetch(c, rods.rig.rows[s], end)
     x, y, z = (type_of(q.x, own[axis, s]) for axis in range(3))
     p = moved_to(q, x, y, z, q.vx, q.vy, q.vz, end)
-    if passes(each, p, q):
-        return float(blows.number[4, m] - (d[0, m] * q.x + d[1, m] * q.y + d[2, m] * q.z))
     found, normal = gap_and_normal(each, q)
+    behind = passes(each, p, q)
+    if found >= 0 and not behind:
+        return float(-found)
     n = tuple(0.0 if axis is None else float(axis) for axis in normal)
-    if n[0] * d[0, m] + n[1] * d[1, m] + n[2] * d[2, m] < 0:
+    if behind or n[0] * d[0, m] + n[1] * d[1, m] + n[2] * d[2, m] < SAME_WALL:
         return float(blows.number[4, m] - (d[0, m] * q.x + d[1, m] * q.y + d[2, m] * q.z))
-    if found < 0:
-        for axis in range(3):
-            d[axis, m] = n[axis]
-        blows.number[4, m] = n[0] * q.x + n[1] * q.y + n[2] * q.z - found
+    for axis in range(3):
+        d[axis, m] = n[axis]
+    blows.number[4, m] = n[0] * q.x + n[1] * q.y + n[2] * q.z - found
     return float(-found)
 
 
@@ -373,21 +413,38 @@ def find_forces(rods: Any, count: Any, rubs: Any) -> None:
     rig, blows, number, matrix, largest = rods.rig, rods.blows, rods.blows.number, rods.blows.matrix, 0.0
     for m in range(count):
         largest = max(largest, abs(number[0, m])) if number[0, m] > -np.inf else largest
-    for _ in range(SWEEPS):
-        worst = 0.0
-        for m in range(count):
-            kind, least = blows.hit[1, m], STUCK * rig.inverse[blows.hit[0, m]]
-            was = number[1, m]
-            if kind <= SMOOTH and matrix[m, m] > least and number[0, m] > -np.inf:
-                number[1, m] = max(was + lacking(blows, count, m) / matrix[m, m], 0.0)
-            if kind == DRAGGED and rubs:
-                own = matrix[m, m]
-                number[1, m] = (lacking(blows, count, m) + own * was) / (own + number[5, m])
-            worst = max(worst, abs(number[1, m] - was) * matrix[m, m])
-            if kind == NORMAL and rubs:
-                worst = max(worst, rub(blows, count, m, least))
-        if not worst > SETTLED * largest:
+    for _ in range(SLIPS):
+        for _ in range(SWEEPS):
+            worst = 0.0
+            for m in range(count):
+                kind, least = blows.hit[1, m], STUCK * rig.inverse[blows.hit[0, m]]
+                was = number[1, m]
+                if kind <= SMOOTH and matrix[m, m] > least and number[0, m] > -np.inf:
+                    number[1, m] = max(was + lacking(blows, count, m) / matrix[m, m], 0.0)
+                if kind == DRAGGED and rubs:
+                    own = matrix[m, m]
+                    number[1, m] = (lacking(blows, count, m) + own * was) / (own + number[5, m])
+                worst = max(worst, abs(number[1, m] - was) * matrix[m, m])
+                if kind == NORMAL and rubs:
+                    worst = max(worst, rub(blows, count, m, least))
+            if not worst > SETTLED * largest:
+                break
+        if not (rubs and some_slip(blows, count, SLIDES * largest)):
             break
+
+
+def some_slip(blows: Any, count: Any, least: Any) -> bool:
+    """Let contacts slide by kinetic friction that static friction does not hold, as they are faster than something; whether
+    there are any that had been held."""
+    number, some = blows.number, False
+    for m in range(count):
+        if blows.hit[1, m] == NORMAL and number[7, m] > number[6, m]:
+            p, q, most = number[1, m + 1], number[1, m + 2], number[7, m] * number[1, m]
+            x, y = lacking(blows, count, m + 1), lacking(blows, count, m + 2)
+            full = p * p + q * q >= (1 - SLIDES) * most * most
+            if full and x * x + y * y > least * least:
+                number[7, m], some = number[6, m], True
+    return bool(some)
 
 
 def lacking(blows: Any, count: Any, m: Any) -> Any:
@@ -414,11 +471,11 @@ def rub(blows: Any, count: Any, m: Any, least: Any) -> float:
     else:
         return 0.0
     press = number[1, m]
-    if p * p + q * q > number[5, m] * number[5, m] * press * press:
+    if p * p + q * q > number[7, m] * number[7, m] * press * press:
         # along what slides: a step that is as long in both directions
         most = 0.5 * (a + d) + np.sqrt(0.25 * (a - d) * (a - d) + b * b)
         p, q = was + x / most, other + y / most
-        size, drag = np.sqrt(p * p + q * q), number[6, m] * press
+        size, drag = np.sqrt(p * p + q * q), number[7, m] * press
         k = drag / size if size > drag else 1.0
         p, q = k * p, k * q
     number[1, i], number[1, j] = p, q
