@@ -216,7 +216,8 @@ def note_touch(
         above, need, new = distance + gone, 0.0, min(distance, distance + gone) <= near
         for m in range(first, count):
             d = blows.direction
-            new &= n[0] * d[0, m] + n[1] * d[1, m] + n[2] * d[2, m] < SAME_WALL
+            other_wall = n[0] * d[0, m] + n[1] * d[1, m] + n[2] * d[2, m] < SAME_WALL
+            new &= (blows.hit[1, m] > SMOOTH) | other_wall
         if new:
             if count + rows > blows.hit.shape[1] or response.outcome != PASS:
                 return -1
