@@ -60,7 +60,8 @@ class Blows(NamedTuple):
     have done, and the work on led ends until then [J].
 
     Of one component at a time: the slots that have hit something, and 1 where they do not lie, or the slots, kinds and
-    colliders of rows (`lying`) [3, most]; directions [3, most]; the velocity along these that is lacking [m/s], impulses
+    colliders of rows (`lying`) [3, most]; directions, those of impulses, and of rows those of the
+    surface at the beginning of the step [3, most]; the velocity along these that is lacking [m/s], impulses
     [kg m/s], the work of these on led ends for every unit, and, of rows, the velocity that must be, the place of the
     surface along it, and coefficients of friction, the last one that which acts [8, most]; the velocities of slots for
     every unit of an impulse, three rows each [3 most, slots], and along which directions [most, most]."""
@@ -72,6 +73,8 @@ class Blows(NamedTuple):
     spent: Any
     hit: Any
     direction: Any
+    push: Any
+    begun: Any
     number: Any
     moves: Any
     matrix: Any
@@ -82,7 +85,8 @@ def new_blows(slots: int, components: int, largest: int) -> Blows:
     most = max(3, min(ROWS, ROOM // (3 * max(largest, 1))))
     of_slots = (np.zeros((6, slots)), np.zeros((6, slots)), np.zeros((3, slots)))
     of_all = (*of_slots, np.zeros(components, np.int64), np.zeros(components))
-    rows = (np.zeros((3, most), np.int64), np.zeros((3, most)), np.zeros((8, most)))
+    ways = (np.zeros((3, most)), np.zeros((3, most)), np.zeros((3, most)))
+    rows = (np.zeros((3, most), np.int64), *ways, np.zeros((8, most)))
     return Blows(*of_all, *rows, np.zeros((3 * most, largest)), np.zeros((most, most)))
 
 
@@ -117,7 +121,7 @@ def pass_blows_on(rods: Any, clock: Any, c: Any, before: Any, h: Any) -> bool:
             count, since = find_hits(rods, clock, c, before, k), 0.0
             if count > 0:
                 since = go_back(rods, c, before, count, k, h)
-                find_moves(rods, count, k)
+                find_moves(rods, rods.bench.arm, count, k)
                 find_impulses(rods, count)
                 go_on(rods, c, count, k, since)
             if shake(rods, c, k, since):
@@ -188,6 +192,7 @@ def find_hits(rods: Any, clock: Any, c: Any, before: Any, k: Any) -> int:
             blows.hit[0, count], blows.hit[1, count] = s, 1 if hits else 0
             n = (x / size, y / size, z / size)
             blows.direction[0, count], blows.direction[1, count], blows.direction[2, count] = n
+            blows.push[0, count], blows.push[1, count], blows.push[2, count] = n
             blows.number[0, count], blows.number[1, count], blows.number[2, count] = size, 0.0, 0.0
             count += 1
     return count if some else 0
@@ -223,8 +228,8 @@ def go_back(rods: Any, c: Any, before: Any, count: Any, k: Any, h: Any) -> float
             bench.arm[axis, e] = free[axis, rig.first[e]] - free[axis, rig.second[e]]
     assemble(rig, bench, bench.arm, bench.arm, k)
     eliminate(rig, bench, k, rig.looped[k])
-    take_away(rig, bench, free, 3, 0, k)
-    take_away(rig, bench, blows.pull, 0, 0, k)
+    take_away(rig, bench, bench.arm, free, 3, 0, k)
+    take_away(rig, bench, bench.arm, blows.pull, 0, 0, k)
     for m in range(count):
         blows.number[0, m] -= along(blows, free, m)
         if blows.hit[1, m] == 0:
@@ -241,9 +246,9 @@ def along(blows: Any, free: Any, m: Any) -> Any:
 
 
 @outlined
-def take_away(rig: Any, bench: Any, moves: Any, row: Any, first: Any, k: Any) -> float:
-    """Take away what three rows of velocities, from one on, have along the rods of a component, whose matrix is ready;
-    their first column is that of slot `first`. Returns the work on led ends."""
+def take_away(rig: Any, bench: Any, ways: Any, moves: Any, row: Any, first: Any, k: Any) -> float:
+    """Take away what three rows of velocities, from one on, have along the rods of a component, by impulses along `ways`
+    [3, rods]; the matrix of both is ready. Their first column is that of slot `first`. Returns the work on led ends."""
     arm, begin, end, effort = bench.arm, rig.rods[k], rig.rods[k + 1], 0.0
     for e in range(begin, end):
         i, j, speed = rig.first[e] - first, rig.second[e] - first, 0.0
@@ -256,22 +261,23 @@ def take_away(rig: Any, bench: Any, moves: Any, row: Any, first: Any, k: Any) ->
         effort += size * bench.lead[e]
         one, two = rig.inverse[rig.first[e]] * size, rig.inverse[rig.second[e]] * size
         for axis in range(3):
-            moves[row + axis, i] += one * arm[axis, e]
-            moves[row + axis, j] -= two * arm[axis, e]
+            moves[row + axis, i] += one * ways[axis, e]
+            moves[row + axis, j] -= two * ways[axis, e]
     return effort
 
 
 @outlined
-def find_moves(rods: Any, count: Any, k: Any) -> None:
-    """What an impulse at every slot that has hit something moves, and along all of their directions."""
+def find_moves(rods: Any, ways: Any, count: Any, k: Any) -> None:
+    """What an impulse at every slot that has hit something moves, as rods pass it on along `ways`, and along all of their
+    directions."""
     rig, blows, moves, first = rods.rig, rods.blows, rods.blows.moves, rods.rig.slots[k]
     for m in range(count):
-        s, d = blows.hit[0, m], blows.direction
+        s, d = blows.hit[0, m], blows.push
         for axis in range(3):
             for at in range(rig.slots[k + 1] - first):
                 moves[3 * m + axis, at] = 0.0
             moves[3 * m + axis, s - first] = rig.inverse[s] * d[axis, m]
-        blows.number[2, m] = take_away(rig, rods.bench, moves, 3 * m, first, k)
+        blows.number[2, m] = take_away(rig, rods.bench, ways, moves, 3 * m, first, k)
     for m in range(count):
         at, d = blows.hit[0, m] - first, blows.direction
         for o in range(count):

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from particlesim.colliders.dents import dented
-from particlesim.colliders.moving import carried, lead_of
+from particlesim.colliders.moving import MovingRecord, carried, lead_of
 from particlesim.colliders.response import crossable
 from particlesim.compiler import outlined
 from particlesim.engine.barrier import meet
@@ -108,7 +108,7 @@ def _settle(parts: Any, rods: Any, c: Any, before: Any, k: Any, state: Any, t: A
     if state == LIES:
         part, change = lateness(rods, before, k, h)
         count = find_touch(parts, rods, c, before, k, t, end, part * h, NEAR * h * change)
-        held = count == 0 or lie(parts, rods, c, count, k, end, part * h)
+        held = count == 0 or lie(parts, rods, c, before, count, k, end, part * h)
     else:
         count = find_touch(parts, rods, c, before, k, t, end, 0.0, h * fastest(rods, k))
         held = count == 0 or lift_out(parts, rods, c, count, k, end)
@@ -206,7 +206,6 @@ def note_touch(
         n = tuple(0.0 if axis is None else float(axis) for axis in normal)
         # Looked at from some way off a wall, the next one is nearest.
         distance = float(found) - (n[0] * ways[0] + n[1] * ways[1] + n[2] * ways[2])
-        ways = tuple(way + 2 * near * axis for way, axis in zip(ways, n, strict=True))
         gone, arrives, leaves, away = 0.0, 0.0, 0.0, 0.0
         for axis in range(3):
             gone += n[axis] * (free[axis, s] - own[axis, s])
@@ -227,6 +226,7 @@ def note_touch(
                 need = min(max(leaves, 0.0), -arrives)  # not as fast as at the impact, if it is slower now
             need += n[0] * u[0] + n[1] * u[1] + n[2] * u[2]
             add_row(blows, count, s, NORMAL if rubs else SMOOTH, n)
+            find_begun(each, p, before, i, blows, count, n, ways, t, near)
             blows.hit[2, count] = number
             blows.number[3, count], blows.number[4, count] = need, away - distance
             if response.friction is not None:
@@ -247,7 +247,26 @@ def note_touch(
                     alone = float(response.keep) / float(response.loss) * rods.rig.inverse[s]
                     add_along(blows, at, s, DRAGGED, one, other, w, alone)
             count += rows
+        ways = tuple(way + 2 * near * axis for way, axis in zip(ways, n, strict=True))
     return int(count)
+
+
+@outlined
+def find_begun(
+    each: Any, p: Any, before: Any, i: Any, blows: Any, m: Any, n: Any, ways: Any, t: Any, near: Any
+) -> None:
+    """Note the normal that the surface of a row had where its particle began the step, if it lay there; else its own. Along
+    the mean of both a bent surface gives no energy: v·n₀ = 0 and V·n = 0 are that of (v + V)·(n₀ + n)."""
+    u = n
+    if not isinstance(each.shape, MovingRecord):
+        x, y, z = (before[axis, i] + type_of(p.x, ways[axis]) for axis in range(3))
+        found, normal = gap_and_normal(each, moved_to(p, x, y, z, p.vx, p.vy, p.vz, t))
+        first = tuple(0.0 if axis is None else float(axis) for axis in normal)
+        same = first[0] * n[0] + first[1] * n[1] + first[2] * n[2] > SAME_WALL
+        distance = float(found) - (first[0] * ways[0] + first[1] * ways[1] + first[2] * ways[2])
+        u = tuple(a if same and distance <= near else b for a, b in zip(first, n, strict=True))
+    for axis in range(3):
+        blows.begun[axis, m] = u[axis]
 
 
 def add_along(blows: Any, at: Any, s: Any, kind: Any, one: Any, other: Any, w: Any, softness: Any) -> None:
@@ -266,6 +285,20 @@ def add_row(blows: Any, at: Any, s: Any, kind: Any, direction: Any) -> None:
         blows.direction[axis, at] = direction[axis]
 
 
+def aim_impulses(blows: Any, count: Any, mean: bool) -> None:
+    """Let the impulses of rows be along their directions; those of normals along the `mean` of those that the surface has at
+    the beginning and at the end of the step, if asked for."""
+    d, u = blows.direction, blows.begun
+    for m in range(count):
+        bent = mean and blows.hit[1, m] <= SMOOTH
+        square = 0.0
+        for axis in range(3):
+            blows.push[axis, m] = 0.5 * (d[axis, m] + u[axis, m]) if bent else d[axis, m]
+            square += blows.push[axis, m] * blows.push[axis, m]
+        for axis in range(3):
+            blows.push[axis, m] /= np.sqrt(square)
+
+
 def aside(n: Any) -> Any:
     """A unit vector across another one."""
     x, y, z = abs(n[0]), abs(n[1]), abs(n[2])
@@ -280,7 +313,7 @@ def aside(n: Any) -> Any:
 
 
 @outlined
-def lie(parts: Any, rods: Any, columns: Any, count: Any, k: Any, end: Any, late: Any) -> bool:
+def lie(parts: Any, rods: Any, columns: Any, before: Any, count: Any, k: Any, end: Any, late: Any) -> bool:
     """End the step of a component anew, from its free one, with the contact forces of its rows; whether its rods could be
     held. `late`: θ h [s]."""
     c = places(columns)
@@ -295,15 +328,17 @@ def lie(parts: Any, rods: Any, columns: Any, count: Any, k: Any, end: Any, late:
     aim(rig, rods.bench, c, k)
     find_lacking(rods, c, count)
     factor(rods, k)
-    find_moves(rods, count, k)
+    aim_impulses(blows, count, True)
+    find_moves(rods, rods.bench.arm, count, k)
     find_forces(rods, count, True)
     shift(rods, c, count, k, late)
     if not (shake(rods, c, k, 0.0) and lift_out(parts, rods, columns, count, k, end)):
         return False
     level(rods, c, k)
     find_lacking(rods, c, count)
-    factor(rods, k)
-    find_moves(rods, count, k)
+    factor_mean(rods, before, k)
+    aim_impulses(blows, count, True)
+    find_moves(rods, rods.bench.reach, count, k)
     find_forces(rods, count, True)
     first = rig.slots[k]
     for m in range(count):
@@ -320,6 +355,20 @@ def factor(rods: Any, k: Any) -> None:
     rig, bench = rods.rig, rods.bench
     assemble(rig, bench, bench.arm, bench.arm, k)
     eliminate(rig, bench, k, rig.looped[k])
+
+
+def factor_mean(rods: Any, before: Any, k: Any) -> None:
+    """As `factor`, with impulses along the means of where rods are and were at the beginning of the step, in `reach`: what
+    turns them does no work."""
+    rig, bench = rods.rig, rods.bench
+    factor(rods, k)
+    for e in range(rig.rods[k], rig.rods[k + 1]):
+        i, j = rig.rows[rig.first[e]], rig.rows[rig.second[e]]
+        for axis in range(3):
+            was = before[axis, i] - before[axis, j]
+            bench.reach[axis, e] = 0.5 * (bench.arm[axis, e] + was)
+    assemble(rig, bench, bench.arm, bench.reach, k)
+    eliminate(rig, bench, k, False)
 
 
 def find_lacking(rods: Any, c: Any, count: Any) -> None:
@@ -361,7 +410,8 @@ def lift_out(parts: Any, rods: Any, columns: Any, count: Any, k: Any, end: Any) 
         if not deepest > slack:
             break
         factor(rods, k)
-        find_moves(rods, count, k)
+        aim_impulses(rods.blows, count, False)
+        find_moves(rods, rods.bench.arm, count, k)
         find_forces(rods, count, False)
         shift(rods, c, count, k, 1.0)
         if not shake(rods, c, k, 0.0):
