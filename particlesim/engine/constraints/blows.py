@@ -63,8 +63,9 @@ class Blows(NamedTuple):
     colliders of rows (`lying`) [3, most]; directions, those of impulses, and of rows those of the
     surface at the beginning of the step [3, most]; the velocity along these that is lacking [m/s], impulses
     [kg m/s], the work of these on led ends for every unit, and, of rows, the velocity that must be, the place of the
-    surface along it, and coefficients of friction, the last one that which acts [8, most]; the velocities of slots for
-    every unit of an impulse, three rows each [3 most, slots], and along which directions [most, most]."""
+    surface along it, and coefficients of friction, the last one that which acts,
+    what is left to do, and the impulses of a first look [10, most]; the velocities of slots for
+    every unit of an impulse, three rows each [3 most, slots], and, in rows, along which directions [most, most]."""
 
     free: Any
     own: Any
@@ -86,7 +87,7 @@ def new_blows(slots: int, components: int, largest: int) -> Blows:
     of_slots = (np.zeros((6, slots)), np.zeros((6, slots)), np.zeros((3, slots)))
     of_all = (*of_slots, np.zeros(components, np.int64), np.zeros(components))
     ways = (np.zeros((3, most)), np.zeros((3, most)), np.zeros((3, most)))
-    rows = (np.zeros((3, most), np.int64), *ways, np.zeros((8, most)))
+    rows = (np.zeros((3, most), np.int64), *ways, np.zeros((10, most)))
     return Blows(*of_all, *rows, np.zeros((3 * most, largest)), np.zeros((most, most)))
 
 
@@ -278,13 +279,12 @@ def find_moves(rods: Any, ways: Any, count: Any, k: Any) -> None:
                 moves[3 * m + axis, at] = 0.0
             moves[3 * m + axis, s - first] = rig.inverse[s] * d[axis, m]
         blows.number[2, m] = take_away(rig, rods.bench, ways, moves, 3 * m, first, k)
-    for m in range(count):
-        at, d = blows.hit[0, m] - first, blows.direction
-        for o in range(count):
-            total = 0.0
+    for o in range(count):
+        for m in range(count):
+            at, d, total = blows.hit[0, m] - first, blows.direction, 0.0
             for axis in range(3):
                 total += d[axis, m] * moves[3 * o + axis, at]
-            blows.matrix[m, o] = total
+            blows.matrix[o, m] = total
 
 
 @outlined
@@ -299,7 +299,7 @@ def find_impulses(rods: Any, count: Any) -> None:
             if matrix[m, m] > STUCK * rig.inverse[blows.hit[0, m]]:
                 lacks = number[0, m]
                 for o in range(count):
-                    lacks -= matrix[m, o] * number[1, o]
+                    lacks -= matrix[o, m] * number[1, o]
                 impulse = max(number[1, m] + lacks / matrix[m, m], 0.0)
                 worst = max(worst, abs(impulse - number[1, m]) * matrix[m, m])
                 number[1, m] = impulse

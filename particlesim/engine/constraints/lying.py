@@ -31,7 +31,6 @@ from particlesim.compiler import outlined
 from particlesim.engine.barrier import meet
 from particlesim.engine.constraints.blows import (
     LIES,
-    SETTLED,
     STUCK,
     SWEEPS,
     find_moves,
@@ -60,6 +59,8 @@ of the velocity is lost."""
 SLIPS, SLIDES = 8, 1e-7
 """How often contacts are looked at that static friction may not hold; the part of the largest velocity, and of the friction
 that there may be, that tells."""
+RESTS = 1e-11
+"""The part of the largest velocity that sweeps over all rows leave."""
 TURNS = 4
 """How often what is inside of a collider is put out, and rods put right after that."""
 WALLS, SAME_WALL = 3, 0.9
@@ -326,14 +327,20 @@ def lie(parts: Any, rods: Any, columns: Any, before: Any, count: Any, k: Any, en
             c.vx[i], c.vy[i], c.vz[i] = free[3, s], free[4, s], free[5, s]
     load(rig, rods.bench, c, k)
     aim(rig, rods.bench, c, k)
+    for m in range(count):
+        blows.number[1, m] = 0.0
     find_lacking(rods, c, count)
     factor(rods, k)
     aim_impulses(blows, count, True)
     find_moves(rods, rods.bench.arm, count, k)
     find_forces(rods, count, True)
     shift(rods, c, count, k, late)
+    for m in range(count):
+        blows.number[9, m] = blows.number[1, m]
     if not (shake(rods, c, k, 0.0) and lift_out(parts, rods, columns, count, k, end)):
         return False
+    for m in range(count):
+        blows.number[1, m] = blows.number[9, m]
     level(rods, c, k)
     find_lacking(rods, c, count)
     factor_mean(rods, before, k)
@@ -377,7 +384,7 @@ def find_lacking(rods: Any, c: Any, count: Any) -> None:
     for m in range(count):
         i = rods.rig.rows[blows.hit[0, m]]
         speed = d[0, m] * c.vx[i] + d[1, m] * c.vy[i] + d[2, m] * c.vz[i]
-        blows.number[0, m], blows.number[1, m] = blows.number[3, m] - speed, 0.0
+        blows.number[0, m] = blows.number[3, m] - speed
 
 
 def gained(blows: Any, count: Any, at: Any) -> Any:
@@ -434,7 +441,7 @@ def find_depths(parts: Any, rods: Any, c: Any, count: Any, end: Any) -> Any:
                             blows.number[0, m] = depth_in(each, rods, c, m, end)
             deepest = max(deepest, blows.number[0, m])
             size = max(size, abs(c.x[i]), abs(c.y[i]), abs(c.z[i]), abs(blows.number[4, m]))
-    return deepest, ROUNDING * size
+    return deepest, 4 * ROUNDING * size
 
 
 @outlined
@@ -465,23 +472,45 @@ def find_forces(rods: Any, count: Any, rubs: Any) -> None:
     for m in range(count):
         largest = max(largest, abs(number[0, m])) if number[0, m] > -np.inf else largest
     for _ in range(SLIPS):
+        find_left(blows, count)
         for _ in range(SWEEPS):
             worst = 0.0
             for m in range(count):
-                kind, least = blows.hit[1, m], STUCK * rig.inverse[blows.hit[0, m]]
-                was = number[1, m]
-                if kind <= SMOOTH and matrix[m, m] > least and number[0, m] > -np.inf:
-                    number[1, m] = max(was + lacking(blows, count, m) / matrix[m, m], 0.0)
+                kind, least, own = blows.hit[1, m], STUCK * rig.inverse[blows.hit[0, m]], matrix[m, m]
+                was, left = number[1, m], number[8, m]
+                if kind <= SMOOTH and own > least and number[0, m] > -np.inf:
+                    worst = max(worst, give(blows, count, m, max(was + left / own, 0.0)))
                 if kind == DRAGGED and rubs:
-                    own = matrix[m, m]
-                    number[1, m] = (lacking(blows, count, m) + own * was) / (own + number[5, m])
-                worst = max(worst, abs(number[1, m] - was) * matrix[m, m])
+                    worst = max(worst, give(blows, count, m, (left + own * was) / (own + number[5, m])))
                 if kind == NORMAL and rubs:
                     worst = max(worst, rub(blows, count, m, least))
-            if not worst > SETTLED * largest:
+            if not worst > RESTS * largest:
                 break
         if not (rubs and some_slip(blows, count, SLIDES * largest)):
             break
+
+
+@outlined
+def find_left(blows: Any, count: Any) -> None:
+    """What all rows lack beside what the impulses give that there are."""
+    number = blows.number
+    for m in range(count):
+        number[8, m] = number[0, m]
+    for o in range(count):
+        if number[1, o] != 0:
+            for m in range(count):
+                number[8, m] -= blows.matrix[o, m] * number[1, o]
+
+
+@outlined
+def give(blows: Any, count: Any, o: Any, impulse: Any) -> float:
+    """Give a row another impulse; by how much that changes its velocity [m/s]."""
+    number, matrix, change = blows.number, blows.matrix, impulse - blows.number[1, o]
+    if change != 0:
+        number[1, o] = impulse
+        for m in range(count):
+            number[8, m] -= matrix[o, m] * change
+    return float(abs(change) * matrix[o, o])
 
 
 def some_slip(blows: Any, count: Any, least: Any) -> bool:
@@ -491,19 +520,11 @@ def some_slip(blows: Any, count: Any, least: Any) -> bool:
     for m in range(count):
         if blows.hit[1, m] == NORMAL and number[7, m] > number[6, m]:
             p, q, most = number[1, m + 1], number[1, m + 2], number[7, m] * number[1, m]
-            x, y = lacking(blows, count, m + 1), lacking(blows, count, m + 2)
+            x, y = number[8, m + 1], number[8, m + 2]
             full = p * p + q * q >= (1 - SLIDES) * most * most
             if full and x * x + y * y > least * least:
                 number[7, m], some = number[6, m], True
     return bool(some)
-
-
-def lacking(blows: Any, count: Any, m: Any) -> Any:
-    """What a row still lacks."""
-    left = blows.number[0, m]
-    for o in range(count):
-        left -= blows.matrix[m, o] * blows.number[1, o]
-    return left
 
 
 @outlined
@@ -512,7 +533,7 @@ def rub(blows: Any, count: Any, m: Any, least: Any) -> float:
     it has changed what it acts on [m/s]."""
     number, matrix, i, j = blows.number, blows.matrix, m + 1, m + 2
     a, b, d = matrix[i, i], matrix[i, j], matrix[j, j]
-    x, y = lacking(blows, count, i), lacking(blows, count, j)
+    x, y = number[8, i], number[8, j]
     was, other = number[1, i], number[1, j]
     spread = a * d - b * b
     if spread > least * least:
@@ -529,8 +550,7 @@ def rub(blows: Any, count: Any, m: Any, least: Any) -> float:
         size, drag = np.sqrt(p * p + q * q), number[7, m] * press
         k = drag / size if size > drag else 1.0
         p, q = k * p, k * q
-    number[1, i], number[1, j] = p, q
-    return float(max(abs(p - was) * a, abs(q - other) * d))
+    return float(max(give(blows, count, i, p), give(blows, count, j, q)))
 
 
 @outlined
