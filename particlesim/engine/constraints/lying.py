@@ -31,6 +31,7 @@ from particlesim.compiler import outlined
 from particlesim.engine.barrier import meet
 from particlesim.engine.constraints.blows import (
     LIES,
+    SETTLED,
     STUCK,
     SWEEPS,
     find_moves,
@@ -59,8 +60,6 @@ of the velocity is lost."""
 SLIPS, SLIDES = 8, 1e-7
 """How often contacts are looked at that static friction may not hold; the part of the largest velocity, and of the friction
 that there may be, that tells."""
-RESTS = 1e-11
-"""The part of the largest velocity that sweeps over all rows leave."""
 TURNS = 4
 """How often what is inside of a collider is put out, and rods put right after that."""
 WALLS, SAME_WALL = 3, 0.9
@@ -192,7 +191,8 @@ def note_touch(
     met, ways = False, (0.0, 0.0, 0.0)
     for axis in range(3):
         met |= own[3 + axis, s] != free[3 + axis, s]
-    for _ in range(WALLS if dented(each.shape) else 1):
+    several = dented(each.shape)
+    for look in range(WALLS + 1 if several else 1):
         there = moved_to(
             p,
             x + type_of(x, ways[0]),
@@ -205,7 +205,7 @@ def note_touch(
         )
         found, normal = gap_and_normal(each, there)
         n = tuple(0.0 if axis is None else float(axis) for axis in normal)
-        # Looked at from some way off a wall, the next one is nearest.
+        # Looked at from some way off a wall, the next one is nearest; and where two meet, one of them, not their edge.
         distance = float(found) - (n[0] * ways[0] + n[1] * ways[1] + n[2] * ways[2])
         gone, arrives, leaves, away = 0.0, 0.0, 0.0, 0.0
         for axis in range(3):
@@ -213,7 +213,8 @@ def note_touch(
             arrives += n[axis] * (free[3 + axis, s] - u[axis])
             leaves += n[axis] * (own[3 + axis, s] - u[axis])
             away += n[axis] * own[axis, s]
-        above, need, new = distance + gone, 0.0, min(distance, distance + gone) <= near
+        above, need = distance + gone, 0.0
+        new = min(distance, above) <= near and (look > 0 or not several)
         for m in range(first, count):
             d = blows.direction
             other_wall = n[0] * d[0, m] + n[1] * d[1, m] + n[2] * d[2, m] < SAME_WALL
@@ -441,7 +442,7 @@ def find_depths(parts: Any, rods: Any, c: Any, count: Any, end: Any) -> Any:
                             blows.number[0, m] = depth_in(each, rods, c, m, end)
             deepest = max(deepest, blows.number[0, m])
             size = max(size, abs(c.x[i]), abs(c.y[i]), abs(c.z[i]), abs(blows.number[4, m]))
-    return deepest, 4 * ROUNDING * size
+    return deepest, ROUNDING * size
 
 
 @outlined
@@ -484,7 +485,7 @@ def find_forces(rods: Any, count: Any, rubs: Any) -> None:
                     worst = max(worst, give(blows, count, m, (left + own * was) / (own + number[5, m])))
                 if kind == NORMAL and rubs:
                     worst = max(worst, rub(blows, count, m, least))
-            if not worst > RESTS * largest:
+            if not worst > SETTLED * largest:
                 break
         if not (rubs and some_slip(blows, count, SLIDES * largest)):
             break
