@@ -96,14 +96,31 @@ def test_a_rope_of_rods_bounces_with_the_energy_that_it_has(friction: float) -> 
         assert energy[-1] > energy[0] - 5e-3 * rows["kinetic"].max()
 
 
-def test_more_impacts_than_there_is_room_for_are_met_one_by_one() -> None:
-    # 40 masses on rods that fall flat, with e = 0: each is stopped, and so are all.
-    places = [(0.1 * k, 0.0105, 0.0) for k in range(40)]
-    bar = points(*places, velocity=[[0, -1.0, 0]] * 40, mass=0.1, radius=0.01, name="bar")
-    rods = [{"on": "bar", "pairs": [[k, k + 1] for k in range(39)]}]
-    end = simulate(0.005, 1e-3, particles=[bar], rods=rods, planes=[{"restitution": 0.0}]).final
-    assert end.velocity == pytest.approx(0, abs=1e-12)
-    assert end.position[:, 1] == pytest.approx(0.01, abs=1e-12)
+def test_a_truss_of_many_feet_rebounds_as_a_whole() -> None:
+    # Of more than 128 contacts each was met by itself, and rods shared out what was left: all stayed on the floor.
+    count, u = 140, 1.0
+    feet = [(0.1 * k, 0.0105, 0.0) for k in range(count)]
+    places = [*feet, *((x, y + 0.1, z) for x, y, z in feet)]
+    truss = points(*places, velocity=[[0, -u, 0]] * 2 * count, mass=0.1, radius=0.01, name="truss")
+    pairs = [[k, k + count] for k in range(count)]
+    for k in range(count - 1):
+        pairs += [[k, k + 1], [k + count, k + count + 1], [k, k + count + 1]]
+    rods, floor = [{"on": "truss", "pairs": pairs}], {"restitution": 1.0, "friction": 0.4}
+    end = simulate(0.005, 1e-3, particles=[truss], rods=rods, planes=[floor]).final
+    assert end.velocity == pytest.approx(np.outer(np.ones(2 * count), (0, u, 0)), abs=1e-10)
+
+
+@pytest.mark.parametrize("method", ["velocity_verlet", "symplectic_euler"])
+def test_what_hangs_just_above_the_floor_comes_down_to_it(method: str) -> None:
+    # 25 μm are less than it falls in a step, and what lay there was put back to where it was.
+    stick = points((0, 0.01, 0), (0.13, 0.010025, 0), mass=[0.2, 0.6], radius=0.01, name="stick")
+    rods = [{"on": "stick", "pairs": [[0, 1]]}]
+    floor, gravity = {"restitution": 0.0, "friction": 0.4}, {"type": "gravity"}
+    end = simulate(
+        0.052, 2.6e-3, method, particles=[stick], rods=rods, planes=[floor], forces=[gravity]
+    ).final
+    assert end.position[:, 1] == pytest.approx(0.01, abs=1e-15)
+    assert end.velocity == pytest.approx(0, abs=1e-15)
 
 
 FEET = np.array([(-0.5, 0.0, -0.3), (0.5, 0.0, -0.3), (0.0, 0.0, 0.6), (0.05, 0.8, 0.0)])
@@ -272,7 +289,7 @@ def test_a_net_that_falls_on_a_ball_stays_outside(friction: float, restitution: 
         colliders=[{"type": "sphere", "radius": 1.0, "restitution": restitution, "friction": friction}],
         forces=[{"type": "gravity"}],
     )
-    assert (np.linalg.norm(run.final.position, axis=-1) - 1.01).min() > -2e-5
+    assert (np.linalg.norm(run.final.position, axis=-1) - 1.01).min() > -1e-13
 
 
 @pytest.mark.parametrize("count", [2, 6])
@@ -297,14 +314,15 @@ def test_rods_that_swing_in_a_bowl_keep_their_energy_to_second_order(count: int)
     assert fine < coarse / 3
 
 
-def test_a_rope_holds_loads_over_a_cylinder_by_friction() -> None:
-    # e^(μ π) is 2.57: 1 to 1.5 is held, by 34 knots on it; of more than 32 none had been. Knots weigh a hundredth of a load.
+@pytest.mark.parametrize("knot", [0.01, 0.001])
+def test_a_rope_holds_loads_over_a_cylinder_by_friction(knot: float) -> None:
+    # e^(μ π) is 2.57: 1 to 1.5 is held, by 34 knots on it. Where these are a thousand times lighter, loads crept by 3 mm/s.
     count, radius = 34, 0.5
     arc = np.linspace(math.pi, 0, count)
     step = 2 * radius * math.sin(math.pi / (2 * (count - 1)))
     on_it = np.stack([radius * np.cos(arc), radius * np.sin(arc), 0 * arc], axis=1)
     places = [(-radius, -step, 0.0), *on_it.tolist(), (radius, -step, 0.0)]
-    rope = points(*places, mass=[1.0, *[0.01] * count, 1.5], radius=0.0, name="rope")
+    rope = points(*places, mass=[1.0, *[knot] * count, 1.5], radius=0.0, name="rope")
     parts = {
         "particles": [rope],
         "rods": [{"on": "rope", "pairs": [[k, k + 1] for k in range(count + 1)]}],
@@ -312,7 +330,7 @@ def test_a_rope_holds_loads_over_a_cylinder_by_friction() -> None:
     }
     drum = {"type": "cylinder", "start": [0, 0, -1], "end": [0, 0, 1], "radius": radius, "restitution": 0.0}
     held = simulate(0.05, 1e-3, colliders=[drum | {"friction": 0.3}], **parts).final
-    assert np.abs(held.velocity).max() < 1e-3
+    assert np.abs(held.velocity).max() < 1e-10
     slid = simulate(0.05, 1e-3, colliders=[drum | {"friction": 0.05}], **parts).final
     # without the inertia of knots (1.5 − e^(μ π)) g/(1.5 + e^(μ π)), and e^(μ π) = 1.17
     assert slid.velocity[-1, 1] == pytest.approx(-0.05 * G * 0.33 / 2.67, rel=0.2)

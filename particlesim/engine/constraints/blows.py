@@ -8,7 +8,7 @@ an impulse P_j in each direction d = Δ/|Δ| moves all, as rods pass it on at on
     V = v* + Σ P_j (1 − M⁻¹ Jᵀ (J M⁻¹ Jᵀ)⁻¹ J) M⁻¹ d_j,   P_j ≥ 0,   d_j·V ≥ u_j,   one of both with equality,
 
 where u_j is the velocity with which particle j alone leaves. That is a linear complementarity problem of as many unknowns as
-have hit something; it is solved by sweeps (Gauss–Seidel, projected). A single impact changes the energy by P d·(v* + V)/2:
+have hit something (`contact_forces`). A single impact changes the energy by P d·(v* + V)/2:
 by nothing if it is elastic, and none gives any, as no particle alone gains by Δ. From there the rest of the step is one of
 RATTLE, of length s, with what a has across the rods.
 
@@ -24,6 +24,7 @@ import numpy as np
 
 from particlesim.compiler import kernel, outlined
 from particlesim.engine.barrier import meet
+from particlesim.engine.constraints.contact_forces import Touch, find_forces
 from particlesim.engine.constraints.shake_rattle import (
     ROUNDING,
     assemble,
@@ -34,19 +35,8 @@ from particlesim.engine.constraints.shake_rattle import (
     solve,
 )
 
-MOST = 32
-"""Particles of a component that may hit something in a step; where there are more, each bounces for itself."""
-ROWS = 384
-"""Directions at all contacts of a component that lies (`lying`); where there are more, each lies for itself."""
-ROOM = 1 << 22
-"""Numbers for what impulses do, at most."""
 HITS = 2.0
 """What changes a velocity by more than so many times what the step has changed of it otherwise is an impact."""
-SWEEPS = 500
-SETTLED = 1e-13
-"""Sweeps over all impulses at most, and the part of the largest velocity that is no longer looked at."""
-STUCK = 1e-10
-"""The part of its mobility below which rods leave a particle none."""
 NOTICED = 1e-9
 """The part of what a step changes of a velocity up to which rods leave what contact has done."""
 HAS_HIT, LIES = 1, 2
@@ -57,38 +47,21 @@ lies; else 0."""
 class Blows(NamedTuple):
     """Room for impacts. Of all slots, places and velocities at the end of the free step, or at the impact, and those after
     contact of each for itself [6, slots], and the acceleration since the impact [3, slots]. Of all components, what they
-    have done, and the work on led ends until then [J].
-
-    Of one component at a time: the slots that have hit something, and 1 where they do not lie, or the slots, kinds and
-    colliders of rows (`lying`) [3, most]; directions, those of impulses, and of rows those of the
-    surface at the beginning of the step [3, most]; the velocity along these that is lacking [m/s], impulses
-    [kg m/s], the work of these on led ends for every unit, and, of rows, the velocity that must be, the place of the
-    surface along it, and coefficients of friction, the last one that which acts,
-    what is left to do, and the impulses of a first look [10, most]; the velocities of slots for
-    every unit of an impulse, three rows each [3 most, slots], and, in rows, along which directions [most, most]."""
+    have done, and the work on led ends until then [J]. Of one component at a time, contacts, one for each slot that has hit
+    something, and whether it does not lie."""
 
     free: Any
     own: Any
     pull: Any
     state: Any
     spent: Any
-    hit: Any
-    direction: Any
-    push: Any
-    begun: Any
-    number: Any
-    moves: Any
-    matrix: Any
+    touch: Touch
 
 
-def new_blows(slots: int, components: int, largest: int) -> Blows:
-    """Room for so many slots and components, the largest with so many slots."""
-    most = max(3, min(ROWS, ROOM // (3 * max(largest, 1))))
+def new_blows(slots: int, components: int, touch: Touch) -> Blows:
+    """Room for so many slots and components."""
     of_slots = (np.zeros((6, slots)), np.zeros((6, slots)), np.zeros((3, slots)))
-    of_all = (*of_slots, np.zeros(components, np.int64), np.zeros(components))
-    ways = (np.zeros((3, most)), np.zeros((3, most)), np.zeros((3, most)))
-    rows = (np.zeros((3, most), np.int64), *ways, np.zeros((10, most)))
-    return Blows(*of_all, *rows, np.zeros((3 * most, largest)), np.zeros((most, most)))
+    return Blows(*of_slots, np.zeros(components, np.int64), np.zeros(components), touch)
 
 
 def before_contact(rods: Any, c: Any, share: Any) -> None:
@@ -121,10 +94,9 @@ def pass_blows_on(rods: Any, clock: Any, c: Any, before: Any, h: Any) -> bool:
             blows.spent[k] = rods.effort[k]
             count, since = find_hits(rods, clock, c, before, k), 0.0
             if count > 0:
-                since = go_back(rods, c, before, count, k, h)
-                find_moves(rods, rods.bench.arm, count, k)
-                find_impulses(rods, count)
-                go_on(rods, c, count, k, since)
+                since = go_back(rods, c, before, k, h)
+                find_forces(rods, rods.bench.arm, k, False)
+                go_on(rods, c, k, since)
             if shake(rods, c, k, since):
                 level(rods, c, k)
                 if count > 0:
@@ -176,151 +148,115 @@ def has_met(rods: Any, c: Any, k: Any) -> bool:
 
 @outlined
 def find_hits(rods: Any, clock: Any, c: Any, before: Any, k: Any) -> int:
-    """The slots of a component whose velocity contact has changed; 0 if none has hit anything, if there is no room for all
-    or if one has stuck, or is gone."""
-    rig, blows, free, count, some = rods.rig, rods.blows, rods.blows.free, 0, False
-    for s in range(rig.slots[k], rig.slots[k + 1]):
+    """The slots of component k whose velocity contact has changed, as contacts in the direction of that; 0 if none has hit
+    anything, or if one has stuck, or is gone."""
+    rig, touch, free, count, some = rods.rig, rods.blows.touch, rods.blows.free, 0, False
+    first = rig.slots[k]
+    for s in range(first, rig.slots[k + 1]):
         i = rig.rows[s]
+        touch.first[s - first] = count
         x, y, z = c.vx[i] - free[3, s], c.vy[i] - free[4, s], c.vz[i] - free[5, s]
         change = x * x + y * y + z * z
         if change > 0 and rig.inverse[s] > 0:
-            full = count == MOST or count == blows.hit.shape[1]
-            if full or (clock is not None and clock.outcome[i] != 0):
+            if clock is not None and clock.outcome[i] != 0:
                 return 0
             a, b, d = free[3, s] - before[3, i], free[4, s] - before[4, i], free[5, s] - before[5, i]
             hits, size = change > HITS * HITS * (a * a + b * b + d * d), np.sqrt(change)
             some = some or hits
-            blows.hit[0, count], blows.hit[1, count] = s, 1 if hits else 0
-            n = (x / size, y / size, z / size)
-            blows.direction[0, count], blows.direction[1, count], blows.direction[2, count] = n
-            blows.push[0, count], blows.push[1, count], blows.push[2, count] = n
-            blows.number[0, count], blows.number[1, count], blows.number[2, count] = size, 0.0, 0.0
+            touch.slot[count], touch.collider[count] = s - first, 1 if hits else 0
+            for axis, way in enumerate((x / size, y / size, z / size)):
+                touch.normal[axis, count] = touch.push[axis, count] = way
+            touch.need[count] = size
             count += 1
+    touch.first[rig.slots[k + 1] - first] = count
     return count if some else 0
 
 
 @outlined
-def go_back(rods: Any, c: Any, before: Any, count: Any, k: Any, h: Any) -> float:
+def go_back(rods: Any, c: Any, before: Any, k: Any, h: Any) -> float:
     """Lead a component back to its first impact, and return the time since that."""
-    rig, blows, bench, free = rods.rig, rods.blows, rods.bench, rods.blows.free
-    since = 0.0
+    rig, touch, bench, free, pull = rods.rig, rods.blows.touch, rods.bench, rods.blows.free, rods.blows.pull
+    first, since = rig.slots[k], 0.0
+    count = touch.first[rig.slots[k + 1] - first]
     for m in range(count):
-        s = blows.hit[0, m]
+        s = first + touch.slot[m]
         i = rig.rows[s]
         x, y, z = c.x[i] - free[0, s], c.y[i] - free[1, s], c.z[i] - free[2, s]
-        if blows.hit[1, m] > 0:
-            since = max(since, min(np.sqrt(x * x + y * y + z * z) / blows.number[0, m], h))
+        if touch.collider[m] > 0:
+            since = max(since, min(np.sqrt(x * x + y * y + z * z) / touch.need[m], h))
         # The velocity with which it would leave: at the impact, or at the end if it lies.
-        blows.number[0, m] += along(blows, free, m)
-    for s in range(rig.slots[k], rig.slots[k + 1]):
+        touch.need[m] += along(touch, free, 3, s, m)
+    for s in range(first, rig.slots[k + 1]):
         i = rig.rows[s]
         for axis in range(3):
             a = (free[3 + axis, s] - before[3 + axis, i]) / h
             free[axis, s] += since * (0.5 * since * a - free[3 + axis, s])
             free[3 + axis, s] -= since * a
-            blows.pull[axis, s] = a
+            pull[axis, s] = a
     for m in range(count):
-        if blows.hit[1, m] > 0:
-            s, d = blows.hit[0, m], blows.direction
-            for axis in range(3):
-                blows.number[0, m] -= since * d[axis, m] * blows.pull[axis, s]
+        if touch.collider[m] > 0:
+            touch.need[m] -= since * along(touch, pull, 0, first + touch.slot[m], m)
     for e in range(rig.rods[k], rig.rods[k + 1]):
         for axis in range(3):
             bench.arm[axis, e] = free[axis, rig.first[e]] - free[axis, rig.second[e]]
-    assemble(rig, bench, bench.arm, bench.arm, k)
-    eliminate(rig, bench, k, rig.looped[k])
-    take_away(rig, bench, bench.arm, free, 3, 0, k)
-    take_away(rig, bench, bench.arm, blows.pull, 0, 0, k)
+    factor(rig, bench, k)
+    take_away(rig, bench, free, 3, k)
+    take_away(rig, bench, pull, 0, k)
     for m in range(count):
-        blows.number[0, m] -= along(blows, free, m)
-        if blows.hit[1, m] == 0:
-            s, d = blows.hit[0, m], blows.direction
-            for axis in range(3):
-                blows.number[0, m] -= since * d[axis, m] * blows.pull[axis, s]
+        touch.goal[m], touch.static[m], touch.kinetic[m] = touch.need[m], 0.0, 0.0
+        if touch.collider[m] == 0:
+            touch.goal[m] -= since * along(touch, pull, 0, first + touch.slot[m], m)
+    for s in range(first, rig.slots[k + 1]):
+        for axis in range(3):
+            touch.base[axis, s - first] = free[3 + axis, s]
+    for e in range(rig.rods[k + 1] - rig.rods[k]):
+        touch.force[e] = 0.0
     return float(since)
 
 
-def along(blows: Any, free: Any, m: Any) -> Any:
-    """The velocity of what has hit something along its direction."""
-    s, d = blows.hit[0, m], blows.direction
-    return d[0, m] * free[3, s] + d[1, m] * free[4, s] + d[2, m] * free[5, s]
+def along(touch: Any, of: Any, row: Any, s: Any, m: Any) -> Any:
+    """Three rows of slot s, from one on, along the direction of contact m."""
+    d = touch.normal
+    return d[0, m] * of[row, s] + d[1, m] * of[row + 1, s] + d[2, m] * of[row + 2, s]
+
+
+def factor(rig: Any, bench: Any, k: Any) -> None:
+    """Get the matrix of a component ready that is aimed at where it is."""
+    assemble(rig, bench, bench.arm, bench.arm, k)
+    eliminate(rig, bench, k, rig.looped[k])
 
 
 @outlined
-def take_away(rig: Any, bench: Any, ways: Any, moves: Any, row: Any, first: Any, k: Any) -> float:
-    """Take away what three rows of velocities, from one on, have along the rods of a component, by impulses along `ways`
-    [3, rods]; the matrix of both is ready. Their first column is that of slot `first`. Returns the work on led ends."""
-    arm, begin, end, effort = bench.arm, rig.rods[k], rig.rods[k + 1], 0.0
+def take_away(rig: Any, bench: Any, moves: Any, row: Any, k: Any) -> None:
+    """Take away what three rows of velocities of slots, from one on, have along the rods of a component, whose matrix is
+    ready."""
+    arm, begin, end = bench.arm, rig.rods[k], rig.rods[k + 1]
     for e in range(begin, end):
-        i, j, speed = rig.first[e] - first, rig.second[e] - first, 0.0
+        i, j, speed = rig.first[e], rig.second[e], 0.0
         for axis in range(3):
             speed += arm[axis, e] * (moves[row + axis, j] - moves[row + axis, i])
         bench.side[e] = speed
     solve(rig, bench, k)
     for e in range(begin, end):
-        i, j, size = rig.first[e] - first, rig.second[e] - first, bench.side[e]
-        effort += size * bench.lead[e]
-        one, two = rig.inverse[rig.first[e]] * size, rig.inverse[rig.second[e]] * size
+        i, j, size = rig.first[e], rig.second[e], bench.side[e]
         for axis in range(3):
-            moves[row + axis, i] += one * ways[axis, e]
-            moves[row + axis, j] -= two * ways[axis, e]
-    return effort
+            moves[row + axis, i] += rig.inverse[i] * size * arm[axis, e]
+            moves[row + axis, j] -= rig.inverse[j] * size * arm[axis, e]
 
 
 @outlined
-def find_moves(rods: Any, ways: Any, count: Any, k: Any) -> None:
-    """What an impulse at every slot that has hit something moves, as rods pass it on along `ways`, and along all of their
-    directions."""
-    rig, blows, moves, first = rods.rig, rods.blows, rods.blows.moves, rods.rig.slots[k]
-    for m in range(count):
-        s, d = blows.hit[0, m], blows.push
-        for axis in range(3):
-            for at in range(rig.slots[k + 1] - first):
-                moves[3 * m + axis, at] = 0.0
-            moves[3 * m + axis, s - first] = rig.inverse[s] * d[axis, m]
-        blows.number[2, m] = take_away(rig, rods.bench, ways, moves, 3 * m, first, k)
-    for o in range(count):
-        for m in range(count):
-            at, d, total = blows.hit[0, m] - first, blows.direction, 0.0
-            for axis in range(3):
-                total += d[axis, m] * moves[3 * o + axis, at]
-            blows.matrix[o, m] = total
-
-
-@outlined
-def find_impulses(rods: Any, count: Any) -> None:
-    """The impulses of a component [kg m/s]."""
-    rig, blows, number, matrix, largest = rods.rig, rods.blows, rods.blows.number, rods.blows.matrix, 0.0
-    for m in range(count):
-        largest = max(largest, abs(number[0, m]))
-    for _ in range(SWEEPS):
-        worst = 0.0
-        for m in range(count):
-            if matrix[m, m] > STUCK * rig.inverse[blows.hit[0, m]]:
-                lacks = number[0, m]
-                for o in range(count):
-                    lacks -= matrix[o, m] * number[1, o]
-                impulse = max(number[1, m] + lacks / matrix[m, m], 0.0)
-                worst = max(worst, abs(impulse - number[1, m]) * matrix[m, m])
-                number[1, m] = impulse
-        if not worst > SETTLED * largest:
-            break
-
-
-@outlined
-def go_on(rods: Any, c: Any, count: Any, k: Any, since: Any) -> None:
-    """Give a component the impulses, and lead it on for a time since the impact, but for its rods."""
-    rig, blows, free, first = rods.rig, rods.blows, rods.blows.free, rods.rig.slots[k]
-    for m in range(count):
-        rods.effort[k] += blows.number[1, m] * blows.number[2, m]
+def go_on(rods: Any, c: Any, k: Any, since: Any) -> None:
+    """Give a component the velocities after its impacts, and lead it on for a time since then, but for its rods."""
+    rig, blows, touch, first = rods.rig, rods.blows, rods.blows.touch, rods.rig.slots[k]
+    free, begin = blows.free, rig.rods[k]
+    for e in range(rig.rods[k + 1] - begin):
+        rods.effort[k] += touch.force[e] * rods.bench.lead[begin + e]
     for s in range(first, rig.slots[k + 1]):
         i, at = rig.rows[s], s - first
         if rig.inverse[s] > 0:
             for axis in range(3):
-                for m in range(count):
-                    free[3 + axis, s] += blows.number[1, m] * blows.moves[3 * m + axis, at]
                 a = blows.pull[axis, s]
-                free[axis, s] += since * (free[3 + axis, s] + 0.5 * since * a)
-                free[3 + axis, s] += since * a
+                free[axis, s] += since * (touch.after[axis, at] + 0.5 * since * a)
+                free[3 + axis, s] = touch.after[axis, at] + since * a
             c.x[i], c.y[i], c.z[i] = free[0, s], free[1, s], free[2, s]
             c.vx[i], c.vy[i], c.vz[i] = free[3, s], free[4, s], free[5, s]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from particlesim.engine.constraints.blows import new_blows
+from particlesim.engine.constraints.contact_forces import Touch, new_touch
 from particlesim.engine.constraints.shake_rattle import Bench, Rig, Rods
 from particlesim.errors import UsageError
 from particlesim.model.arrays import Floats, Ints
@@ -101,8 +102,7 @@ def new_rods(rig: Rig, *, eager: bool, touched: bool) -> Rods:
         np.zeros(entries),
     )
     effort, failed = np.zeros(components), np.full(components, -1)
-    size = (slots, components, int(np.diff(rig.slots).max(initial=0))) if touched else (0, 0, 0)
-    blows = new_blows(*size)
+    blows = new_blows(slots, components, _room(rig)) if touched else new_blows(0, 0, new_touch(0, 0))
     return Rods(rig, bench, 0, components, eager, touched, effort, failed, np.zeros(components), blows)
 
 
@@ -111,15 +111,17 @@ def divided(rods: Rods, threads: int) -> list[Rods]:
     rig = rods.rig
     cost = np.cumsum(np.concatenate([[0.0], _work(rig)]))
     borders = np.searchsorted(cost, cost[-1] * np.arange(1, threads) / threads)
-    largest = rods.blows.moves.shape[1]
 
     def part(a: int, b: int) -> Rods:
-        all_of_it = rods.blows._asdict()
-        shared = {name: all_of_it[name] for name in ("free", "own", "pull", "state", "spent")}
-        blows = new_blows(0, 0, largest)._replace(**shared)
-        return rods._replace(first=a, last=b, blows=blows)
+        touch = _room(rig) if rods.touched else rods.blows.touch
+        return rods._replace(first=a, last=b, blows=rods.blows._replace(touch=touch))
 
     return [part(a, b) for a, b in pairwise([0, *borders.tolist(), len(rig.looped)])]
+
+
+def _room(rig: Rig) -> Touch:
+    """Room for the contacts of one component at a time."""
+    return new_touch(int(np.diff(rig.slots).max(initial=0)), int(np.diff(rig.rods).max(initial=0)))
 
 
 def _work(rig: Rig) -> Floats:

@@ -190,17 +190,18 @@ def assemble(rig: Any, bench: Any, a: Any, b: Any, k: Any) -> None:
         low[p] += w * (ax[f] * bx[e] + ay[f] * by[e] + az[f] * bz[e])
 
 
-def eliminate(rig: Any, bench: Any, k: Any, judge: bool) -> None:
-    """Factors of the matrix of a component in its place; rods that are not kept are left out.
+def eliminate(rig: Any, bench: Any, k: Any, judge: bool, alone: Any = 0.0) -> None:
+    """Factors of the matrix of a component in its place; rods that are not kept are left out, or have the pivot
+    `floor/alone` where that is given.
 
-    With `judge`, those are left out that depend on others. The matrix must be symmetric: its pivots are then positive, or
+    With `judge`, those are not kept that depend on others. The matrix must be symmetric: its pivots are then positive, or
     vanish.
     """
     low, up, pivot = bench.low, bench.up, bench.pivot
     for e in range(rig.rods[k], rig.rods[k + 1]):
         if judge:
             bench.kept[e] = pivot[e] > bench.floor[e]
-        inverse = 1 / pivot[e] if bench.kept[e] else 0.0
+        inverse = 1 / pivot[e] if bench.kept[e] else (alone / bench.floor[e] if alone > 0 else 0.0)
         pivot[e] = inverse
         n, after = rig.turn[e], rig.pointer[e + 1]
         for p in range(rig.pointer[e], after):
