@@ -31,17 +31,17 @@ import numpy as np
 from particlesim.compiler import outlined
 from particlesim.engine.constraints.shake_rattle import DEPENDENT, eliminate, solve
 
-SETTLED, LOOSE, COARSE = 1e-13, 1e-9, 1e-6
-"""Parts of the largest velocity: what is no longer looked at, what is good enough, and what rounding may be of it: forces
-that it is more of hold nothing."""
+SETTLED, NEAR = 1e-13, 1e-6
+"""Parts of the largest velocity: what is no longer looked at, and what is good enough where no more is found, as where
+places that are off by rounding ask for what rods do not allow. Forces that leave as much to rounding hold nothing."""
 ROUNDED = 2.0**-49
 """Rounding of a sum of velocities, as a part of the largest of them."""
-ROUNDS, CUTS, BOUNDS, LONGER = 60, 30, 60, 8.0
-"""Rounds of Newton's method, lengths of a step that are tried, and bounds of friction, at most; how many times as long the
-next one is."""
+SOON, ROUNDS, CUTS, BOUNDS, LONGER = 10, 60, 30, 60, 8.0
+"""Rounds of Newton's method, at first, unless it is near then, and later; lengths of a step that are tried, and bounds of
+friction, at most; how many times as long the next one is."""
 FLAT, EDGE = 0.3, 0.1
 """The part of the slope at its beginning at which a step ends; the part of a bracket that is tried at least."""
-SLIPS, SLIDES = 8, 1e-7
+SLIPS, SLIDES = 8, 1e-5
 """How often contacts are looked at that static friction may not hold; the part of the largest velocity that tells."""
 FEW, SPARE = 32, 1024
 """Contacts of one particle, and those of a component beyond one for each particle, at most."""
@@ -123,25 +123,29 @@ def new_touch(slots: int, rods: int) -> Touch:
 
 
 @outlined
-def find_forces(rods: Any, ways: Any, k: Any, rubs: Any) -> bool:
+def find_forces(rods: Any, ways: Any, k: Any, rubs: Any) -> float:
     """The impulses of rods, along `ways` [3, rods], from those that there are, and the velocities after contact, of
-    component k; whether rods are held then. Without `rubs` nothing acts along surfaces."""
+    component k; what rods are stretched by then, as a part of the largest velocity, infinite if forces have not been found.
+    Without `rubs` nothing acts along surfaces."""
     rig, touch = rods.rig, rods.blows.touch
     slots = rig.slots[k + 1] - rig.slots[k]
     count, largest = touch.first[slots], 0.0
     for m in range(count):
         touch.acting[m] = touch.static[m]
         largest = max(largest, lacking(touch, m, rubs))
-    held = True
+    left = 0.0
     for _ in range(SLIPS):
-        held = settle(rods, ways, k, rubs, False, largest)
-        if not held and rubs:
-            held = settle_bounds(rods, ways, k, largest)
+        left = settle(rods, ways, k, rubs, False, largest, SOON if rubs else ROUNDS)
+        if left == np.inf and rubs:  # from the pulls without friction, which often hold still what bears them
+            settle(rods, ways, k, False, False, largest, ROUNDS)
+            left = settle(rods, ways, k, True, False, largest, ROUNDS)
+        if left == np.inf and rubs:
+            left = settle_bounds(rods, ways, k, largest)
         if not (rubs and some_slip(touch, count, SLIDES * largest)):
             break
     for e in range(rig.rods[k], rig.rods[k + 1]):
         rods.bench.kept[e] = True
-    return held
+    return left
 
 
 def lacking(touch: Any, m: Any, rubs: Any) -> Any:
@@ -169,36 +173,37 @@ def some_slip(touch: Any, count: Any, least: Any) -> bool:
 
 
 @outlined
-def settle_bounds(rods: Any, ways: Any, k: Any, largest: Any) -> bool:
+def settle_bounds(rods: Any, ways: Any, k: Any, largest: Any) -> float:
     """Settle with bounds of friction that follow from the last pressure, until they do not change."""
     rig, touch = rods.rig, rods.blows.touch
-    count, held = touch.first[rig.slots[k + 1] - rig.slots[k]], False
+    count, left = touch.first[rig.slots[k + 1] - rig.slots[k]], np.inf
     for m in range(count):
         touch.bound[m] = 0.0
     for e in range(rig.rods[k + 1] - rig.rods[k]):
         touch.force[e] = 0.0
     for _ in range(BOUNDS):
-        held = settle(rods, ways, k, True, True, largest)
+        left = settle(rods, ways, k, True, True, largest, ROUNDS)
         change = 0.0
         for m in range(count):
             bound = touch.acting[m] * touch.press[m]
             change = max(change, abs(bound - touch.bound[m]))
             touch.bound[m] = bound
-        if not (held and change > SETTLED * largest):
+        if not (left < np.inf and change > SETTLED * largest):
             break
-    return held
+    return left
 
 
 @outlined
-def settle(rods: Any, ways: Any, k: Any, rubs: Any, given: Any, largest: Any) -> bool:
-    """Find the forces of rods with Newton's method; whether they are held. `given`: bounds of friction are."""
+def settle(rods: Any, ways: Any, k: Any, rubs: Any, given: Any, largest: Any, rounds: Any) -> float:
+    """Find the forces of rods with Newton's method; returns what `find_forces` does. `given`: bounds of friction are."""
     rig, bench, touch = rods.rig, rods.bench, rods.blows.touch
     begin, number = rig.rods[k], rig.rods[k + 1] - rig.rods[k]
     for e in range(number):
         touch.step[e] = 0.0
     worst, size, _, rounding = left_over(rods, ways, k, rubs, given, 0.0)
-    for _ in range(ROUNDS):
-        if not worst > SETTLED * largest + rounding:
+    for turn in range(ROUNDS):
+        near = worst <= NEAR * largest
+        if not worst > SETTLED * largest + rounding or (turn >= rounds and not near):
             break
         assemble(rig, bench, touch, ways, k)
         eliminate(rig, bench, k, True, DEPENDENT)
@@ -207,19 +212,22 @@ def settle(rods: Any, ways: Any, k: Any, rubs: Any, given: Any, largest: Any) ->
         solve(rig, bench, k)
         for e in range(number):
             touch.step[e] = bench.side[begin + e]
-        part, worst, size, rounding = cut_step(rods, ways, k, rubs, given, size, COARSE * largest)
-        if part == 0:  # nothing that contacts can do holds these rods
+        part, worst, size, rounding = cut_step(rods, ways, k, rubs, given, size, near, NEAR * largest)
+        if part == 0:  # nothing that contacts can do holds these rods, or holds them better
             break
         for e in range(number):
             touch.force[e] += part * touch.step[e]
-    return bool(worst <= max(LOOSE * largest, rounding))
+    if worst <= rounding:
+        return 0.0
+    return float(worst / largest if worst <= NEAR * largest else np.inf)
 
 
 @outlined
-def cut_step(rods: Any, ways: Any, k: Any, rubs: Any, given: Any, size: Any, coarse: Any) -> Any:
+def cut_step(rods: Any, ways: Any, k: Any, rubs: Any, given: Any, size: Any, near: Any, coarse: Any) -> Any:
     """The part of a step that is made: all of it if F is less than `size` then, the sum of squares before it, or else where
     the slope along it has all but gone, be that beyond its end; 0 if there is no such place, or rounding is more than
-    `coarse` there. Also the largest of F then, the sum of all squares, and what is but rounding."""
+    `coarse` there. What is `near` enough is not made longer. Also the largest of F then, the sum of all squares, and what is
+    but rounding."""
     touch, least, low, high = rods.blows.touch, 0.0, 0.0, np.inf
     for e in range(rods.rig.rods[k + 1] - rods.rig.rods[k]):
         least += touch.left[e] * touch.step[e]
@@ -227,7 +235,7 @@ def cut_step(rods: Any, ways: Any, k: Any, rubs: Any, given: Any, size: Any, coa
     worst, total, slope, rounding = left_over(rods, ways, k, rubs, given, part)
     good = total < size
     for _ in range(CUTS):
-        if good:
+        if good or (near and slope < 0):
             break
         if slope < 0:  # as long as both ends of a rod hold still, more does not change it
             low, below = part, slope

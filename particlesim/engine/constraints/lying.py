@@ -33,6 +33,8 @@ TURNS = 4
 """How often what is inside of a collider is put out, and rods put right after that."""
 NEAR = 8.0
 """Gap up to which a particle takes part, in ways that forces move the fastest in a step."""
+STRETCHED = 1e-11
+"""The part of the largest velocity by which rods may be stretched."""
 
 
 def after_contact(parts: Any, rods: Any, c: Any, before: Any, share: Any, t: Any, end: Any, h: Any) -> None:
@@ -122,7 +124,7 @@ def lie(parts: Any, rods: Any, columns: Any, look: Any, k: Any) -> bool:
     for e in range(number):
         touch.force[e] = 0.0
     ask_velocities(rods, c, touch.land, k)
-    if find_forces(rods, rods.bench.arm, k, True):
+    if find_forces(rods, rods.bench.arm, k, True) < np.inf:
         shift(rods, c, k, look.late)
     else:  # contacts ask for what rods do not allow: each for itself, and rods after that
         put(rods, c, own, k)
@@ -136,7 +138,8 @@ def lie(parts: Any, rods: Any, columns: Any, look: Any, k: Any) -> bool:
         touch.force[e] = touch.kept[e]
     aim_along_means(rods, look.before, k)
     ask_velocities(rods, c, touch.need, k)
-    if find_forces(rods, rods.bench.reach, k, True):
+    left = find_forces(rods, rods.bench.reach, k, True)
+    if left < np.inf:
         for e in range(number):
             rods.effort[k] += touch.force[e] * rods.bench.lead[begin + e]
         for s in range(first, rig.slots[k + 1]):
@@ -145,6 +148,7 @@ def lie(parts: Any, rods: Any, columns: Any, look: Any, k: Any) -> bool:
                 c.vx[i], c.vy[i], c.vz[i] = touch.after[0, at], touch.after[1, at], touch.after[2, at]
     else:
         throw(rods, c, own, k)
+    if left > STRETCHED:
         level(rods, c, k)
     return True
 
@@ -220,7 +224,7 @@ def lift_out(parts: Any, rods: Any, columns: Any, k: Any, end: Any) -> bool:
                 touch.push[axis, m] = touch.normal[axis, m]
         for e in range(rig.rods[k + 1] - rig.rods[k]):
             touch.force[e] = 0.0
-        if not find_forces(rods, rods.bench.arm, k, False):  # rods do not let it out
+        if find_forces(rods, rods.bench.arm, k, False) == np.inf:  # rods do not let it out
             break
         shift(rods, c, k, 1.0)
         if not shake(rods, c, k, 0.0):

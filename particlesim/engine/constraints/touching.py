@@ -20,8 +20,8 @@ WALLS, SAME_WALL = 3, 0.9
 """Walls of one collider that a particle may touch, as in a corner of a room; the cosine of the angle between two normals
 from which on they are those of one wall."""
 
-NOTICED = 16
-"""How many rounding errors of a place are a gap."""
+NOTICED, OFF = 16, 4.0
+"""How many rounding errors of a place are a gap; from how many depths off a wall that is looked at."""
 
 
 class Look(NamedTuple):
@@ -192,10 +192,20 @@ def depth_in(each: Any, rods: Any, c: Any, s: Any, m: Any, end: Any) -> float:
     behind = beyond((each,), p, q, type_of(q.x, ROUNDING) * (abs(q.x) + abs(q.y) + abs(q.z) + q.r))
     if found >= 0 and not behind:
         return float(-found)
-    n = tuple(0.0 if axis is None else float(axis) for axis in normal)
+    depth, size = float(-found), abs(q.x) + abs(q.y) + abs(q.z)
+    if dented(each.shape):
+        # Beyond a corner of walls nearly anything is normal; on its own side of a wall that is nearest, if no other one is.
+        off = OFF * depth + NOTICED * ROUNDING * size
+        x, y, z = (float(a) + off * d[axis, m] for axis, a in enumerate((q.x, q.y, q.z)))
+        there = moved_to(q, type_of(q.x, x), type_of(q.x, y), type_of(q.x, z), q.vx, q.vy, q.vz, end)
+        found, normal = gap_and_normal(each, there)
+        n = tuple(0.0 if axis is None else float(axis) for axis in normal)
+        depth = off * (n[0] * d[0, m] + n[1] * d[1, m] + n[2] * d[2, m]) - float(found)
+    else:
+        n = tuple(0.0 if axis is None else float(axis) for axis in normal)
     if behind or n[0] * d[0, m] + n[1] * d[1, m] + n[2] * d[2, m] < SAME_WALL:
         return float(touch.place[m] - (d[0, m] * q.x + d[1, m] * q.y + d[2, m] * q.z))
     for axis in range(3):
         d[axis, m] = n[axis]
-    touch.place[m] = n[0] * q.x + n[1] * q.y + n[2] * q.z - found
-    return float(-found)
+    touch.place[m] = n[0] * q.x + n[1] * q.y + n[2] * q.z + depth
+    return float(depth)
